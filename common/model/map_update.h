@@ -1,0 +1,71 @@
+// What the server tells one client about the map: the difference between what the client knows and
+// what the map says now, around the client.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "common/geometry/sim3.h"
+#include "common/model/features.h"
+#include "common/model/ids.h"
+
+namespace cairn {
+
+// A landmark that is new to the client or has changed.
+struct LandmarkState {
+  LandmarkId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    // mean viewing direction, landmark to camera, unit length, in map
+  // Distances (metres) between which its features can be found: outside, it shows at an octave that
+  // the pyramid does not have.
+  float min_distance = 0, max_distance = 0;
+  Descriptor descriptor{};
+  // Keyframes that see it, the latest last; not all of them (kMaxObservers).
+  std::vector<KeyframeId> observers;
+
+  static constexpr std::size_t kMaxObservers = 6;
+};
+
+// A landmark that the client should forget, or know by another name from now on.
+struct LandmarkRemoval {
+  LandmarkId id;
+  std::optional<LandmarkId> replaced_by;
+};
+
+// Pose of one of the client's own keyframes.
+struct KeyframePose {
+  KeyframeId id;
+  Rigid3 map_from_camera;
+};
+
+// A keyframe that the map no longer holds; its pose follows from another one's.
+struct KeyframeRemoval {
+  KeyframeId id;
+  KeyframeId anchor;
+  Rigid3 anchor_from_camera;
+};
+
+struct MapUpdate {
+  MapId map;
+  // The update takes the client from `base_revision` to `revision` (both of this client's stream of
+  // updates). base_revision 0: a full refresh, which replaces all that the client knows.
+  std::uint64_t base_revision = 0;
+  std::uint64_t revision = 0;
+  // Counts loop closures and merges: a change of more than a little. With a merge,
+  // `new_map_from_old_map` tells how the client's former map lies in this one.
+  std::uint32_t merge_epoch = 0;
+  std::optional<Sim3> new_map_from_old_map;
+  // Keyframes 0 .. mapped_keyframes-1 of the client's epoch have been through local mapping.
+  std::uint64_t epoch = 0;
+  std::uint32_t mapped_keyframes = 0;
+
+  std::vector<KeyframePose> keyframes;
+  std::vector<KeyframeRemoval> removed_keyframes;
+  std::vector<LandmarkState> landmarks;
+  std::vector<LandmarkRemoval> removed_landmarks;
+
+  bool is_refresh() const { return base_revision == 0; }
+};
+
+}  // namespace cairn

@@ -1,0 +1,21 @@
+#include "common/util/log.h"
+
+#include <memory>
+#include <string>
+
+#include <spdlog/sinks/stdout_color_sinks.h>
+
+namespace cairn::log {
+
+void initialise(std::string_view program, std::string_view level) {
+  // Colours on a terminal only; plain lines in a pipe.
+  auto logger = std::make_shared<spdlog::logger>(
+      std::string(program), std::make_shared<spdlog::sinks::stderr_color_sink_mt>());
+  logger->set_pattern("%Y-%m-%dT%H:%M:%S.%e %^%l%$ %n: %v");
+  const auto parsed = spdlog::level::from_str(std::string(level));
+  logger->set_level(parsed == spdlog::level::off && level != "off" ? spdlog::level::info : parsed);
+  logger->flush_on(spdlog::level::info);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+}  // namespace cairn::log

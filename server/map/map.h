@@ -1,0 +1,93 @@
+// The map: keyframe poses, landmarks, and who sees what. A plain value; copying it costs
+// microseconds (see cow_table.h), and a copy behind a shared pointer to const is a Snapshot.
+//
+// Only a MapWriter changes a map that others see (map_writer.h), by way of the functions in apply.h,
+// which keep the invariants below. Everything else works on snapshots and sends back a MapDelta.
+//
+// Invariants
+// - keyframe.landmarks[f] == l  <=>  landmark l has the observation (keyframe, f)
+// - every landmark has at least one observation
+// - covisible lists are symmetric, with weight = number of shared landmarks
+// - every keyframe but a root has a parent that is in the map; parents make no cycle
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/model/ids.h"
+#include "common/model/keyframe.h"
+#include "common/model/map_update.h"
+#include "server/map/cow_table.h"
+
+namespace cairn {
+
+struct Observation {
+  KeyframeId keyframe;
+  std::uint16_t feature = 0;
+
+  auto operator<=>(const Observation&) const = default;
+};
+
+struct Covisible {
+  KeyframeId keyframe;
+  int shared = 0;  // landmarks that both see
+};
+
+// A keyframe's estimate beside its immutable measurement.
+struct KeyframeNode {
+  KeyframePtr keyframe;
+  Rigid3 map_from_camera;
+  std::vector<LandmarkId> landmarks;  // one a feature; not valid where the feature shows none
+  std::vector<Covisible> covisible;   // strongest first, ties by id
+  KeyframeId parent;                  // spanning tree; not valid for a root
+  std::vector<KeyframeId> children;   // ascending
+  std::uint64_t revision = 0;         // of the map when the pose changed last
+
+  const Rig& rig() const { return *keyframe->rig; }
+  const Features& features() const { return keyframe->features; }
+};
+
+struct Landmark {
+  LandmarkId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
+  std::vector<Observation> observations;               // in order of their arrival
+  KeyframeId reference;                                // the keyframe that it moves with
+
+  // Derived from the observations by refresh_landmark() in apply.h.
+  Descriptor descriptor{};  // the observed one with the least median distance to the others
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // mean direction towards the cameras, in map
+  float min_distance = 0, max_distance = 0;          // metres, see LandmarkState
+
+  // Quality: in how many keyframes it should have been found and in how many it was, and how many
+  // keyframes the map had been given when it was made.
+  std::uint32_t visible = 1, found = 1;
+  std::uint64_t birth = 0;
+  std::uint64_t revision = 0;  // of the map when it changed last
+};
+
+struct Map {
+  MapId id;
+  std::uint64_t revision = 0;       // grows by one with every event applied
+  std::uint32_t merge_epoch = 0;
+  std::uint64_t keyframes_ever = 0;  // inserted so far, culled ones included
+  std::uint64_t next_landmark = 1;   // next number of a landmark made by the server
+
+  CowTable<KeyframeId, KeyframeNode> keyframes;
+  CowTable<LandmarkId, Landmark> landmarks;
+  // Landmarks fused into another one: clients may go on reporting the old name for a while.
+  CowTable<LandmarkId, LandmarkId> replaced_landmarks;
+  // Culled keyframes, for the poses that clients have hung on them.
+  CowTable<KeyframeId, KeyframeRemoval> removed_keyframes;
+
+  // Follows replacements to the name in use; not valid when that landmark is gone.
+  LandmarkId resolve(LandmarkId id) const;
+  // Pose of a keyframe that is or once was in the map; nothing for others.
+  std::optional<Rigid3> pose_of(KeyframeId id) const;
+};
+
+using Snapshot = std::shared_ptr<const Map>;
+
+}  // namespace cairn
