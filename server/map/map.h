@@ -44,6 +44,7 @@ struct KeyframeNode {
   std::vector<Covisible> covisible;   // strongest first, ties by id
   KeyframeId parent;                  // spanning tree; not valid for a root
   std::vector<KeyframeId> children;   // ascending
+  std::uint64_t arrival = 0;          // revision of the map with which it came
   std::uint64_t revision = 0;         // of the map when the pose changed last
 
   const Rig& rig() const { return *keyframe->rig; }
@@ -65,6 +66,7 @@ struct Landmark {
   // keyframes the map had been given when it was made.
   std::uint32_t visible = 1, found = 1;
   std::uint64_t birth = 0;
+  std::uint64_t arrival = 0;   // revision of the map with which it came
   std::uint64_t revision = 0;  // of the map when it changed last
 };
 
