@@ -1,55 +1,70 @@
-// Hash table with cheap copies: a copy shares all entries with the original, and whichever of the
-// two is changed first makes its own copy of the part that changes. This is what makes a snapshot of
-// a map cost microseconds while its owner goes on changing it.
+// Table with cheap copies: a copy shares all entries with the original, and whichever of the two is
+// changed first makes its own copy of the part that changes. This is what makes a snapshot of a map
+// cost microseconds while its owner goes on changing it.
 //
-// Two levels: kShards small tables, each shared between copies until written to, of values that are
-// again shared until written to. Reading a copy from other threads while the original is changed is
-// safe; one object itself has one writer and no concurrent readers.
+// Two levels: kShards small sorted arrays, each shared between copies until written to, of values
+// that are again shared until written to. Reading a copy from other threads while the original is
+// changed is safe (see cow_ptr.h); one object itself has one writer and no concurrent readers.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
 #include <functional>
-#include <memory>
-#include <unordered_map>
 #include <utility>
 #include <vector>
-#include <algorithm>
+
+#include "server/map/cow_ptr.h"
 
 namespace cairn {
+
+// Which keys stand together. Specialise it where keys that are changed together can be told: fewer
+// shards are copied then.
+template <typename Key>
+struct CowShardHash {
+  std::size_t operator()(const Key& key) const { return std::hash<Key>{}(key); }
+};
 
 template <typename Key, typename Value>
 class CowTable {
  public:
   // Null when there is none. Valid until this object is changed or destroyed.
   const Value* find(const Key& key) const {
-    const auto& shard = shards_[shard_of(key)];
+    const CowPtr<Shard>& shard = shards_[shard_of(key)];
     if (!shard) return nullptr;
-    const auto it = shard->find(key);
-    return it == shard->end() ? nullptr : it->second.get();
+    const auto it = position(*shard, key);
+    return it != shard->end() && it->first == key ? it->second.get() : nullptr;
   }
   bool contains(const Key& key) const { return find(key) != nullptr; }
   const Value& at(const Key& key) const { return *find(key); }
 
   // The value to change; null when there is none. Copies what other copies still share.
   Value* edit(const Key& key) {
-    if (!contains(key)) return nullptr;
-    std::shared_ptr<Value>& value = own_shard(key).find(key)->second;
-    if (value.use_count() > 1) value = std::make_shared<Value>(*value);
-    return value.get();
+    CowPtr<Shard>& shard = shards_[shard_of(key)];
+    if (!shard) return nullptr;
+    const auto it = position(*shard, key);
+    if (it == shard->end() || it->first != key) return nullptr;
+    const auto index = it - shard->begin();
+    return &shard.edit()[static_cast<std::size_t>(index)].second.edit();
   }
 
   // Replaces a value of the same key.
   Value& insert(const Key& key, Value value) {
-    auto& slot = own_shard(key)[key];
-    if (!slot) ++size_;
-    slot = std::make_shared<Value>(std::move(value));
-    return *slot;
+    CowPtr<Shard>& shared = shards_[shard_of(key)];
+    if (!shared) shared = CowPtr<Shard>::make();
+    Shard& shard = shared.edit();
+    auto it = position(shard, key);
+    if (it == shard.end() || it->first != key) {
+      it = shard.emplace(it, key, CowPtr<Value>());
+      ++size_;
+    }
+    it->second = CowPtr<Value>::make(std::move(value));
+    return it->second.edit();
   }
 
   bool erase(const Key& key) {
     if (!contains(key)) return false;
-    own_shard(key).erase(key);
+    Shard& shard = shards_[shard_of(key)].edit();
+    shard.erase(position(shard, key));
     --size_;
     return true;
   }
@@ -61,40 +76,32 @@ class CowTable {
   std::vector<Key> sorted_keys() const {
     std::vector<Key> keys;
     keys.reserve(size_);
-    for (const auto& shard : shards_)
-      if (shard)
-        for (const auto& [key, value] : *shard) keys.push_back(key);
+    for_each([&](const Key& key, const Value&) { keys.push_back(key); });
     std::sort(keys.begin(), keys.end());
     return keys;
   }
 
-  // Calls f(key, value) for each entry, in no particular order.
+  // Calls f(key, value) for each entry; the order is the same for the same keys.
   template <typename F>
   void for_each(F&& f) const {
-    for (const auto& shard : shards_)
+    for (const CowPtr<Shard>& shard : shards_)
       if (shard)
-        for (const auto& [key, value] : *shard) f(key, static_cast<const Value&>(*value));
+        for (const auto& [key, value] : *shard) f(key, *value);
   }
 
  private:
-  // 100 000 landmarks make shards of about 100; copying one costs microseconds.
+  // 300 000 landmarks make shards of about 300; copying one costs a microsecond or two.
   static constexpr std::size_t kShards = 1024;
-  using Shard = std::unordered_map<Key, std::shared_ptr<Value>>;
+  using Shard = std::vector<std::pair<Key, CowPtr<Value>>>;  // ascending by key
 
-  static std::size_t shard_of(const Key& key) {
-    // The low bits pick the bucket inside the shard, so take high ones here.
-    return (std::hash<Key>{}(key) >> 40) % kShards;
-  }
-  Shard& own_shard(const Key& key) {
-    auto& shard = shards_[shard_of(key)];
-    if (!shard)
-      shard = std::make_shared<Shard>();
-    else if (shard.use_count() > 1)
-      shard = std::make_shared<Shard>(*shard);
-    return *shard;
+  static std::size_t shard_of(const Key& key) { return (CowShardHash<Key>{}(key) >> 40) % kShards; }
+  template <typename S>
+  static auto position(S& shard, const Key& key) {
+    return std::lower_bound(shard.begin(), shard.end(), key,
+                            [](const auto& entry, const Key& k) { return entry.first < k; });
   }
 
-  std::vector<std::shared_ptr<Shard>> shards_ = std::vector<std::shared_ptr<Shard>>(kShards);
+  std::vector<CowPtr<Shard>> shards_ = std::vector<CowPtr<Shard>>(kShards);
   std::size_t size_ = 0;
 };
 

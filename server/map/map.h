@@ -1,8 +1,9 @@
 // The map: keyframe poses, landmarks, and who sees what. A plain value; copying it costs
 // microseconds (see cow_table.h), and a copy behind a shared pointer to const is a Snapshot.
 //
-// Only a MapWriter changes a map that others see (map_writer.h), by way of the functions in apply.h,
-// which keep the invariants below. Everything else works on snapshots and sends back a MapDelta.
+// Only a MapWriter changes a map that others see (map_writer.h), by way of the functions in
+// apply.h, which keep the invariants below. Everything else works on snapshots and sends back a
+// MapDelta.
 //
 // Invariants
 // - keyframe.landmarks[f] == l  <=>  landmark l has the observation (keyframe, f)
@@ -70,9 +71,17 @@ struct Landmark {
   std::uint64_t revision = 0;  // of the map when it changed last
 };
 
+// Landmarks with neighbouring numbers were made together, from one keyframe, and change together.
+template <>
+struct CowShardHash<LandmarkId> {
+  std::size_t operator()(const LandmarkId& id) const {
+    return std::hash<LandmarkId>{}({id.origin, id.number >> 8});
+  }
+};
+
 struct Map {
   MapId id;
-  std::uint64_t revision = 0;       // grows by one with every event applied
+  std::uint64_t revision = 0;  // grows by one with every event applied
   std::uint32_t merge_epoch = 0;
   std::uint64_t keyframes_ever = 0;  // inserted so far, culled ones included
   std::uint64_t next_landmark = 1;   // next number of a landmark made by the server
