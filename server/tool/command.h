@@ -3,8 +3,8 @@
 //   void add_NAME_command(CLI::App& app, std::function<int()>& run);
 //
 // which adds the subcommand with its options to `app`; when the user chose that one, parsing sets
-// `run` to what it does. main then calls `run`, whose result is the exit code. Results go to stdout;
-// what went wrong goes to stderr, as one line by fail().
+// `run` to what it does. main then calls `run`, whose result is the exit code. Results go to
+// stdout; what went wrong goes to stderr, as one line by fail().
 #pragma once
 
 #include <functional>

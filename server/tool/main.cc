@@ -11,7 +11,8 @@
 #endif
 
 int main(int argc, char** argv) {
-  CLI::App app("Cairn's toolbox: evaluate trajectories, render data, look into saved maps", "cairn");
+  CLI::App app("Cairn's toolbox: evaluate trajectories, render data, look into saved maps",
+               "cairn");
   app.set_version_flag("--version", CAIRN_VERSION);
   app.require_subcommand(1);
   std::function<int()> run;

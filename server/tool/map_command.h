@@ -1,4 +1,5 @@
-// `cairn map info|export FILE.db`: what a saved map holds, and the map in formats of other programs.
+// `cairn map info|export FILE.db`: what a saved map holds, and the map in formats of other
+// programs.
 #pragma once
 
 #include "server/tool/command.h"
