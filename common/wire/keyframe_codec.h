@@ -1,0 +1,46 @@
+// A keyframe as bytes: what travels to the server, waits in the client's outbox, and is kept in the
+// server's journal and map file. About 40 bytes a feature and 7 a match.
+//
+// Measurements are rounded to what they are worth:
+//   position   16 bits over -1/4 .. +5/4 of the image (640 px wide: steps of 0.015 px)
+//   disparity  16 bits of 1/128 px, up to 512 px; 0 is unknown
+//   angle       8 bits of a turn, steps of 1.4 degrees
+// Encoding what was decoded gives the same bytes again.
+//
+// Pure functions, safe from any thread.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "common/model/keyframe.h"
+#include "common/util/status.h"
+#include "common/wire/bytes.h"
+
+namespace cairn::wire {
+
+inline constexpr std::size_t kMaxFeatures = 10000;
+inline constexpr std::size_t kMaxKeyframeBytes = 1 << 20;
+inline constexpr std::size_t kMaxClientName = 64;
+
+// 1 to 64 of A-Z a-z 0-9 _ - . ; not starting with a dot, because files are named after clients.
+Status check_client_name(std::string_view name);
+
+// Whether every value lies in its range and every relation inside the keyframe holds: camera and
+// pyramid plausible, transforms finite and rotations of unit length, octaves below the number of
+// levels, matches ascending and of existing features, no landmark twice. Both directions check it.
+Status check_keyframe(const Keyframe& keyframe);
+
+// Features that lie outside the range of positions keep their place in the order but lose their
+// depth and match; of several matches of one landmark the first is kept. kInvalidArgument when the
+// keyframe is not sound even so (check_keyframe).
+Result<Blob> encode_keyframe(std::string_view client, const Keyframe& keyframe);
+
+struct DecodedKeyframe {
+  ClientId client;
+  KeyframePtr keyframe;  // with a rig of its own
+};
+// kCorrupt or kVersion for everything that encode_keyframe would not have written.
+Result<DecodedKeyframe> decode_keyframe(Bytes blob);
+
+}  // namespace cairn::wire

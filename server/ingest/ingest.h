@@ -1,0 +1,111 @@
+// The server's side of the wire: takes keyframes of all clients, journals and acknowledges them,
+// and hands them out in order, fairly; sends map updates.
+//
+// Per client run keyframes come out of next() in the order of their sequence, each exactly once.
+// Backpressure: a client may send as many as there is room in its queue (credits), so nothing that
+// has been acknowledged is ever dropped.
+//
+// Threads: one of its own receives, checks, journals and acknowledges. next() is for one consumer;
+// publish() and the rest are safe from any thread.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "common/model/ids.h"
+#include "common/model/keyframe.h"
+#include "common/model/map_update.h"
+#include "common/util/status.h"
+#include "server/ingest/journal.h"
+
+namespace cairn {
+
+struct IncomingKeyframe {
+  ClientId client;  // the run that made it; not always the one that is connected
+  KeyframePtr keyframe;
+  std::chrono::steady_clock::time_point arrived;
+};
+
+struct ClientEvent {
+  enum class Kind {
+    kJoined,   // a new run of a client, or one that the server did not know since its own start:
+               // send it a full refresh first
+    kRefresh,  // has missed an update: the next one must be a full refresh
+    kLeft,     // said goodbye, or another run has taken its place
+  };
+  Kind kind = Kind::kJoined;
+  ClientId client;
+  Sensor sensor = Sensor::kRgbd;
+};
+
+struct ClientInfo {
+  ClientId client;
+  Sensor sensor = Sensor::kRgbd;
+  bool connected = false;  // heard of within the last seconds
+  std::chrono::steady_clock::time_point last_seen;
+  std::uint32_t queued = 0;         // keyframes waiting in its queue
+  std::uint32_t next_sequence = 0;  // keyframes below it are journaled
+  std::uint64_t revision = 0;       // of the latest update sent to it
+};
+
+struct IngestStats {
+  std::uint64_t accepted = 0;                 // journaled and queued
+  std::uint64_t duplicates = 0;               // came again; acknowledged again
+  std::uint64_t out_of_order = 0;             // had to wait for an earlier one
+  std::uint64_t beyond_credits = 0;           // sent without room for them; come again
+  std::uint64_t malformed = 0;                // failed the checks; see the log
+  std::uint64_t unknown_client = 0;           // of a client that has not said hello (yet)
+  std::uint64_t journal_failures = 0;         // not acknowledged; come again
+  std::uint64_t refused = 0;                  // hellos turned down
+  std::uint64_t bytes_in = 0, bytes_out = 0;  // blobs
+  std::uint64_t updates = 0;                  // published, parts counted singly
+  std::uint32_t queued = 0;                   // keyframes waiting now
+};
+
+struct IngestOptions {
+  std::uint32_t domain = 0;
+  std::string partition = "cairn";    // the deployment's name
+  std::uint32_t queue_capacity = 32;  // keyframes a client run; also the most that are on their way
+  MapId map;                          // for the status topic
+  // Called from ingest's thread, one event at a time: must not block. Set it when updates are sent.
+  std::function<void(const ClientEvent&)> on_event;
+  std::string dds_config;  // XML instead of what CYCLONEDDS_URI names
+};
+
+class Ingest {
+ public:
+  // `journal` must outlive this. kUnavailable when DDS does not start.
+  static Result<std::unique_ptr<Ingest>> start(const IngestOptions& options, Journal& journal);
+  ~Ingest();  // close()
+  Ingest(const Ingest&) = delete;
+  Ingest& operator=(const Ingest&) = delete;
+
+  // Waits for the next keyframe. Nothing when a stop was asked for, or after close() once all that
+  // was taken in has been handed out.
+  std::optional<IncomingKeyframe> next(std::stop_token stop = {});
+
+  // Sends an update to the client, in parts when it is big. Only whether base_revision is 0 (a full
+  // refresh) matters here: revisions on the wire count per client and are set by this function.
+  // kNotFound: the client is not there any more, which is no error of the caller's.
+  Status publish(const ClientId& client, const MapUpdate& update);
+
+  std::vector<ClientInfo> clients() const;  // ascending by id
+  IngestStats stats() const;
+  void set_map(MapId map);  // for the status topic
+
+  // Ends receiving; next() goes on until its queue is empty, publish() until destruction.
+  void close();
+
+ private:
+  struct Parts;
+  explicit Ingest(std::unique_ptr<Parts> parts);
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace cairn
