@@ -12,10 +12,10 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kRounds = 4;
-constexpr int kRobustRounds = 2;    // the first ones; then outliers are out and least squares is best
-constexpr int kMaxIterations = 10;  // a round
-constexpr double kMinDepth = 1e-3;  // metres; points nearer or behind can't be seen
-constexpr double kConverged = 1e-7; // radians and metres
+constexpr int kRobustRounds = 2;  // the first ones; then outliers are out and least squares is best
+constexpr int kMaxIterations = 10;   // a round
+constexpr double kMinDepth = 1e-3;   // metres; points nearer or behind can't be seen
+constexpr double kConverged = 1e-7;  // radians and metres
 
 struct Residual {
   Eigen::Vector3d whitened;  // u, v, disparity; the last is 0 where not measured
@@ -35,7 +35,9 @@ Residual residual(const PinholeCamera& camera, const PoseObservation& o,
   return r;
 }
 
-double threshold(const PoseObservation& o) { return o.disparity > 0 ? kChi2ThreeDof : kChi2TwoDof; }
+double threshold(const PoseObservation& o) {
+  return o.disparity > 0 ? kChi2ThreeDof : kChi2TwoDof;
+}
 
 // Huber's cost and weight for a squared whitened residual; the kernel's width is the outlier bound.
 double huber_cost(double squared, double bound) {

@@ -25,8 +25,8 @@ struct PoseSolution {
   int inliers = 0;
 };
 
-// Minimises the Huber-robust reprojection error, starting at `initial_map_from_camera`. Outliers are
-// sorted out between rounds by the chi-square test and may come back in a later round; the last
+// Minimises the Huber-robust reprojection error, starting at `initial_map_from_camera`. Outliers
+// are sorted out between rounds by the chi-square test and may come back in a later round; the last
 // rounds are plain least squares over the inliers. With fewer than three observations nothing is
 // solved: the initial pose comes back and no inliers.
 PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_from_camera,

@@ -1,0 +1,283 @@
+#include "client/tracking/local_map.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+// A provisional landmark from one feature with depth.
+LocalLandmark landmark_from_feature(const Keyframe& keyframe, std::uint16_t feature,
+                                    const Rigid3& map_from_camera) {
+  const Rig& rig = *keyframe.rig;
+  const Feature& f = keyframe.features.points[feature];
+  const Eigen::Vector3d in_camera = rig.camera.unproject(f.pixel(), rig.camera.depth(f.disparity));
+  LocalLandmark landmark;
+  landmark.id = LandmarkId::from_feature(keyframe.id, feature);
+  landmark.position = map_from_camera * in_camera;
+  landmark.normal = (map_from_camera.origin() - landmark.position).normalized();
+  // Seen at octave o from this distance, it shows at octave 0 from scale(o) times as far.
+  landmark.max_distance = static_cast<float>(in_camera.norm() * rig.pyramid.scale(f.octave));
+  landmark.min_distance =
+      landmark.max_distance / static_cast<float>(rig.pyramid.scale(rig.pyramid.levels - 1));
+  landmark.descriptor = keyframe.features.descriptors[feature];
+  landmark.anchor = keyframe.id;
+  return landmark;
+}
+
+}  // namespace
+
+const LocalLandmark* LocalMap::find(LandmarkId id) const {
+  const auto slot = slot_of(id);
+  return slot ? &slots_[*slot] : nullptr;
+}
+
+std::optional<LocalMap::Slot> LocalMap::slot_of(LandmarkId id) const {
+  const auto it = by_id_.find(current_name(id));
+  if (it == by_id_.end()) return std::nullopt;
+  return it->second;
+}
+
+std::vector<std::pair<KeyframeId, int>> LocalMap::votes(std::span<const LandmarkId> seen) const {
+  std::unordered_map<KeyframeId, int> counts;
+  for (const LandmarkId id : seen)
+    if (const LocalLandmark* landmark = find(id))
+      for (const KeyframeId observer : landmark->observers) ++counts[observer];
+  std::vector<std::pair<KeyframeId, int>> sorted(counts.begin(), counts.end());
+  // Ties go to the newer keyframe: it looks more like what is in view now.
+  std::sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) {
+    return a.second != b.second ? a.second > b.second : a.first > b.first;
+  });
+  return sorted;
+}
+
+std::vector<const LocalLandmark*> LocalMap::around(std::span<const LandmarkId> seen,
+                                                   std::size_t max_keyframes) {
+  ++queries_;
+  std::vector<const LocalLandmark*> found;
+  const auto take = [&](Slot slot) {
+    if (mark_[slot] == queries_) return;
+    mark_[slot] = queries_;
+    slots_[slot].last_use = queries_;
+    found.push_back(&slots_[slot]);
+  };
+  for (const LandmarkId id : seen)
+    if (const auto slot = slot_of(id)) take(*slot);
+  auto candidates = votes(seen);
+  if (candidates.size() > max_keyframes) candidates.resize(max_keyframes);
+  for (const auto& [keyframe, count] : candidates)
+    if (const auto it = seen_by_.find(keyframe); it != seen_by_.end())
+      for (const Slot slot : it->second) take(slot);
+  return found;
+}
+
+std::optional<KeyframeId> LocalMap::most_shared(std::span<const LandmarkId> seen) const {
+  for (const auto& [keyframe, count] : votes(seen))
+    if (own(keyframe)) return keyframe;
+  return std::nullopt;
+}
+
+int LocalMap::landmarks_of(KeyframeId keyframe, std::size_t min_observers) const {
+  const auto it = seen_by_.find(keyframe);
+  if (it == seen_by_.end()) return 0;
+  return static_cast<int>(std::count_if(it->second.begin(), it->second.end(), [&](Slot slot) {
+    return slots_[slot].observers.size() >= min_observers;
+  }));
+}
+
+LocalMap::Slot LocalMap::insert(LocalLandmark landmark) {
+  Slot slot;
+  if (free_slots_.empty()) {
+    slot = static_cast<Slot>(slots_.size());
+    slots_.emplace_back();
+    mark_.push_back(0);
+  } else {
+    slot = free_slots_.back();
+    free_slots_.pop_back();
+  }
+  landmark.last_use = queries_;
+  const std::vector<KeyframeId> observers = std::exchange(landmark.observers, {});
+  by_id_[landmark.id] = slot;
+  slots_[slot] = std::move(landmark);
+  for (const KeyframeId observer : observers) observe(slot, observer);
+  return slot;
+}
+
+void LocalMap::observe(Slot slot, KeyframeId keyframe) {
+  auto& observers = slots_[slot].observers;
+  if (std::find(observers.begin(), observers.end(), keyframe) != observers.end()) return;
+  observers.push_back(keyframe);
+  seen_by_[keyframe].push_back(slot);
+}
+
+void LocalMap::remove(LandmarkId id) {
+  const auto slot = slot_of(id);
+  if (!slot) return;
+  for (const KeyframeId observer : slots_[*slot].observers) {
+    const auto it = seen_by_.find(observer);
+    std::erase(it->second, *slot);
+    if (it->second.empty()) seen_by_.erase(it);
+  }
+  by_id_.erase(slots_[*slot].id);
+  slots_[*slot] = LocalLandmark{};
+  free_slots_.push_back(*slot);
+}
+
+LandmarkId LocalMap::current_name(LandmarkId id) const {
+  for (auto it = renamed_.find(id); it != renamed_.end(); it = renamed_.find(id)) id = it->second;
+  return id;
+}
+
+void LocalMap::rename(LandmarkId from, LandmarkId to) {
+  if (current_name(to) == from || renamed_.contains(from))
+    return;  // would make a circle, or is old
+  const auto old_slot = slot_of(from), new_slot = slot_of(to);
+  if (old_slot && new_slot && *old_slot == *new_slot) return;
+  if (old_slot && new_slot)
+    for (const KeyframeId observer : std::vector(slots_[*old_slot].observers))
+      observe(*new_slot, observer);
+  remove(from);
+  renamed_[from] = to;
+}
+
+void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera) {
+  for (const LandmarkMatch& match : keyframe->matches) {
+    const bool makes = match.landmark == LandmarkId::from_feature(keyframe->id, match.feature);
+    const auto slot = makes
+                          ? insert(landmark_from_feature(*keyframe, match.feature, map_from_camera))
+                          : slot_of(match.landmark);
+    if (slot) observe(*slot, keyframe->id);
+  }
+  OwnKeyframe mine;
+  mine.id = keyframe->id;
+  mine.map_from_camera = map_from_camera;
+  mine.reference = keyframe->reference;
+  mine.reference_from_camera = keyframe->reference_from_camera;
+  mine.keyframe = std::move(keyframe);
+  keyframes_.push_back(std::move(mine));
+  if (keyframes_.size() > limits_.keyframes_with_features)
+    keyframes_[keyframes_.size() - 1 - limits_.keyframes_with_features].keyframe.reset();
+  enforce_limits();
+}
+
+void LocalMap::apply(const MapUpdate& update) {
+  if (update.is_refresh()) forget_servers_landmarks();
+  std::unordered_map<KeyframeId, Rigid3> old_poses;
+  for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
+
+  place_keyframes(update);
+
+  // Provisional landmarks keep their place relative to the keyframe that made them.
+  for (const auto& [id, slot] : by_id_) {
+    LocalLandmark& landmark = slots_[slot];
+    if (!landmark.anchor.is_valid()) continue;
+    const OwnKeyframe* anchor = own(landmark.anchor);
+    landmark.position =
+        anchor->map_from_camera * (old_poses[anchor->id].inverse() * landmark.position);
+    if (anchor->id.epoch == update.epoch && anchor->id.sequence < update.mapped_keyframes)
+      landmark.anchor = {};
+  }
+  for (const LandmarkState& state : update.landmarks) update_landmark(state);
+  for (const LandmarkRemoval& removal : update.removed_landmarks) {
+    if (removal.replaced_by)
+      rename(removal.id, *removal.replaced_by);
+    else
+      remove(removal.id);
+  }
+  enforce_limits();
+}
+
+void LocalMap::forget_servers_landmarks() {
+  std::vector<LandmarkId> known;
+  for (const auto& [id, slot] : by_id_)
+    if (!slots_[slot].anchor.is_valid()) known.push_back(id);
+  for (const LandmarkId id : known) remove(id);
+}
+
+void LocalMap::place_keyframes(const MapUpdate& update) {
+  for (const KeyframePose& pose : update.keyframes)
+    if (OwnKeyframe* k = own(pose.id)) {
+      k->map_from_camera = pose.map_from_camera;
+      k->placed_by_server = true;
+      k->reference = {};
+    }
+  for (const KeyframeRemoval& removal : update.removed_keyframes)
+    if (OwnKeyframe* k = own(removal.id)) {
+      k->reference = removal.anchor;
+      k->reference_from_camera = removal.anchor_from_camera;
+      k->placed_by_server = false;
+    }
+  // An anchor may be younger than what hangs on it (a culled keyframe's parent), so that one pass
+  // in order of sequence is not enough; chains are short.
+  const auto follow = [&](OwnKeyframe& k, auto& self, int depth) -> void {
+    if (k.placed_by_server || depth == 0) return;
+    OwnKeyframe* reference = own(k.reference);
+    if (!reference) return;
+    self(*reference, self, depth - 1);
+    k.map_from_camera = reference->map_from_camera * k.reference_from_camera;
+  };
+  constexpr int kLongestChain = 1000;
+  for (OwnKeyframe& k : keyframes_) follow(k, follow, kLongestChain);
+}
+
+void LocalMap::update_landmark(const LandmarkState& state) {
+  auto slot = slot_of(state.id);
+  if (!slot) {
+    LocalLandmark landmark;
+    landmark.id = state.id;
+    slot = insert(std::move(landmark));
+  }
+  LocalLandmark& landmark = slots_[*slot];
+  landmark.position = state.position;
+  landmark.normal = state.normal;
+  landmark.min_distance = state.min_distance;
+  landmark.max_distance = state.max_distance;
+  landmark.descriptor = state.descriptor;
+  landmark.anchor = {};
+  for (const KeyframeId observer : state.observers) observe(*slot, observer);
+}
+
+void LocalMap::enforce_limits() {
+  if (by_id_.size() <= limits_.landmarks) return;
+  std::vector<Slot> by_use;
+  by_use.reserve(by_id_.size());
+  for (const auto& [id, slot] : by_id_) by_use.push_back(slot);
+  std::sort(by_use.begin(), by_use.end(), [&](Slot a, Slot b) {
+    return std::pair(slots_[a].last_use, slots_[a].id) <
+           std::pair(slots_[b].last_use, slots_[b].id);
+  });
+  // A tenth more than needed, so that this happens rarely.
+  const std::size_t drop = by_id_.size() - limits_.landmarks + limits_.landmarks / 10;
+  for (std::size_t i = 0; i < drop; ++i) remove(slots_[by_use[i]].id);
+}
+
+LocalMap::OwnKeyframe* LocalMap::own(KeyframeId id) {
+  return const_cast<OwnKeyframe*>(std::as_const(*this).own(id));
+}
+
+const LocalMap::OwnKeyframe* LocalMap::own(KeyframeId id) const {
+  if (id.sequence >= keyframes_.size() || keyframes_[id.sequence].id != id) return nullptr;
+  return &keyframes_[id.sequence];
+}
+
+std::optional<Rigid3> LocalMap::pose_of(KeyframeId keyframe) const {
+  const OwnKeyframe* k = own(keyframe);
+  if (!k) return std::nullopt;
+  return k->map_from_camera;
+}
+
+std::vector<KeyframePtr> LocalMap::recent_keyframes() const {
+  std::vector<KeyframePtr> recent;
+  for (auto k = keyframes_.rbegin(); k != keyframes_.rend() && k->keyframe; ++k)
+    recent.push_back(k->keyframe);
+  return recent;
+}
+
+std::vector<LandmarkId> LocalMap::landmarks_by_feature(const Keyframe& keyframe) const {
+  std::vector<LandmarkId> ids(keyframe.features.size());
+  for (const LandmarkMatch& match : keyframe.matches)
+    if (const LocalLandmark* landmark = find(match.landmark)) ids[match.feature] = landmark->id;
+  return ids;
+}
+
+}  // namespace cairn

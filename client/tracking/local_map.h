@@ -1,0 +1,112 @@
+// The client's own copy of the part of the map that it needs: the landmarks around it, and the
+// poses of the keyframes it has made. Filled from two sides: landmarks that the client makes from
+// depth are here at once ("provisional"), so that tracking never waits for the server; what the
+// server sends corrects and replaces them.
+//
+// Everything is in the `map` frame, which is the frame of the first keyframe until the server says
+// otherwise. Tracking thread only.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "common/model/keyframe.h"
+#include "common/model/map_update.h"
+
+namespace cairn {
+
+struct LocalLandmark {
+  LandmarkId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    // unit, towards the cameras that see it
+  float min_distance = 0, max_distance = 0;            // metres, see LandmarkState
+  Descriptor descriptor{};
+  std::vector<KeyframeId> observers;
+  // While provisional it moves with this keyframe; not valid once the server knows the landmark.
+  KeyframeId anchor;
+  std::uint64_t last_use = 0;
+};
+
+class LocalMap {
+ public:
+  struct Limits {
+    std::size_t landmarks = 40'000;            // beyond, those not used for longest are dropped
+    std::size_t keyframes_with_features = 60;  // kept for finding oneself again
+  };
+
+  LocalMap() : LocalMap(Limits{}) {}
+  explicit LocalMap(Limits limits) : limits_(limits) {}
+
+  // Null when unknown. Follows the server's renamings. Valid until the map changes.
+  const LocalLandmark* find(LandmarkId id) const;
+
+  // Landmarks that keyframes see which share sight of any of `seen`: what may come into view now.
+  // Keyframes with most shared landmarks come first; at most `max_keyframes` are asked. In a fixed
+  // order; valid until the map changes.
+  std::vector<const LocalLandmark*> around(std::span<const LandmarkId> seen,
+                                           std::size_t max_keyframes);
+  // The own keyframe that shares most of `seen`; nothing when none shares any.
+  std::optional<KeyframeId> most_shared(std::span<const LandmarkId> seen) const;
+  // How many of the landmarks that a keyframe saw still stand, seen by at least `min_observers`.
+  int landmarks_of(KeyframeId keyframe, std::size_t min_observers) const;
+
+  // Takes in a new keyframe at `map_from_camera`: its matches become observations, and those that
+  // name the keyframe itself become provisional landmarks from depth.
+  void add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera);
+
+  // Takes in what the server knows. Keyframes that it has not placed yet follow the one they were
+  // tracked against, provisional landmarks the keyframe that made them.
+  void apply(const MapUpdate& update);
+
+  // Pose of an own keyframe; nothing for others.
+  std::optional<Rigid3> pose_of(KeyframeId keyframe) const;
+  // Latest keyframes, newest first, whose features are still held.
+  std::vector<KeyframePtr> recent_keyframes() const;
+  // The landmark that each feature of a held keyframe shows; not valid where none.
+  std::vector<LandmarkId> landmarks_by_feature(const Keyframe& keyframe) const;
+
+  std::size_t landmark_count() const { return by_id_.size(); }
+  std::size_t keyframe_count() const { return keyframes_.size(); }
+
+ private:
+  using Slot = std::uint32_t;
+
+  struct OwnKeyframe {
+    KeyframeId id;
+    Rigid3 map_from_camera;
+    KeyframeId reference;  // pose follows from this one until the server has placed the keyframe
+    Rigid3 reference_from_camera;
+    bool placed_by_server = false;
+    KeyframePtr keyframe;  // null once its features were let go
+  };
+
+  OwnKeyframe* own(KeyframeId id);
+  const OwnKeyframe* own(KeyframeId id) const;
+  std::optional<Slot> slot_of(LandmarkId id) const;
+  Slot insert(LocalLandmark landmark);
+  void observe(Slot slot, KeyframeId keyframe);
+  void remove(LandmarkId id);
+  void rename(LandmarkId from, LandmarkId to);
+  std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;
+  LandmarkId current_name(LandmarkId id) const;
+  void forget_servers_landmarks();
+  void place_keyframes(const MapUpdate& update);
+  void update_landmark(const LandmarkState& state);
+  void enforce_limits();
+
+  Limits limits_;
+  std::vector<LocalLandmark> slots_;
+  std::vector<Slot> free_slots_;
+  std::unordered_map<LandmarkId, Slot> by_id_;
+  std::unordered_map<LandmarkId, LandmarkId> renamed_;
+  std::unordered_map<KeyframeId, std::vector<Slot>> seen_by_;  // also of other clients' keyframes
+  std::vector<OwnKeyframe> keyframes_;                         // by sequence; all of one epoch
+  std::vector<std::uint64_t> mark_;  // a slot: the last query that took it
+  std::uint64_t queries_ = 0;
+};
+
+}  // namespace cairn

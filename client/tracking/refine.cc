@@ -1,0 +1,28 @@
+#include "client/tracking/refine.h"
+
+#include "client/tracking/pose_solver.h"
+
+namespace cairn {
+
+int refine_pose(TrackedFrame& frame) {
+  std::vector<PoseObservation> observations;
+  std::vector<std::size_t> feature_of;
+  for (std::size_t f = 0; f < frame.matches.size(); ++f) {
+    if (!frame.matches[f].matched) continue;
+    const Feature& feature = frame.features.points[f];
+    observations.push_back({frame.matches[f].position, feature.pixel(), feature.disparity,
+                            measurement_sigma(*frame.rig, feature.octave)});
+    feature_of.push_back(f);
+  }
+  const PoseSolution solution = solve_pose(frame.rig->camera, frame.map_from_camera, observations);
+  frame.map_from_camera = solution.map_from_camera;
+  int landmarks = 0;
+  for (std::size_t i = 0; i < observations.size(); ++i) {
+    FeatureMatch& match = frame.matches[feature_of[i]];
+    if (!solution.is_inlier[i]) match = {};
+    landmarks += match.shows_landmark();
+  }
+  return landmarks;
+}
+
+}  // namespace cairn

@@ -1,0 +1,13 @@
+// The step that matching and pose solving share: solve the frame's pose from its matches and drop
+// those that do not fit.
+#pragma once
+
+#include "client/tracking/tracked_frame.h"
+
+namespace cairn {
+
+// Sets frame.map_from_camera and unmatches outliers. Returns how many landmarks (passing points not
+// counted) remain.
+int refine_pose(TrackedFrame& frame);
+
+}  // namespace cairn

@@ -1,0 +1,212 @@
+#include "client/tracking/tracker.h"
+
+#include <algorithm>
+
+#include "client/tracking/frame_matcher.h"
+#include "client/tracking/refine.h"
+#include "client/tracking/relocalise.h"
+#include "common/util/clock.h"
+#include "common/util/log.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMinMatches = 20;        // to try to solve a pose at all
+constexpr int kMinFollowInliers = 10;  // for the local map to be worth searching
+constexpr int kFramesToTrustAfterLoss = 30;
+
+int features_with_depth(const TrackedFrame& frame) {
+  return static_cast<int>(std::count_if(frame.features.points.begin(), frame.features.points.end(),
+                                        [](const Feature& f) { return f.has_depth(); }));
+}
+
+void clear_matches(TrackedFrame& frame) {
+  frame.matches.assign(frame.features.size(), FeatureMatch{});
+}
+
+}  // namespace
+
+Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOptions options)
+    : epoch_(epoch), rig_(std::move(rig)), options_(options) {}
+
+TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
+  auto frame = std::make_unique<TrackedFrame>(stamp_ns, rig_, std::move(features));
+  TrackingResult result;
+  ++frames_since_keyframe_;
+
+  if (state_ == TrackingState::kStarting) {
+    if (!start(*frame)) return result;
+    result.keyframe = make_keyframe(*frame);
+  } else {
+    int landmarks = 0;
+    if (state_ == TrackingState::kTracking) {
+      if (follow_motion(*frame) >= kMinFollowInliers ||
+          follow_keyframe(*frame) >= kMinFollowInliers)
+        landmarks = match_local_map(*frame);
+    } else if (find_again(*frame)) {
+      landmarks = match_local_map(*frame);
+      frames_since_loss_ = 0;
+      has_motion_ = false;
+    }
+    ++frames_since_loss_;
+    const int enough = frames_since_loss_ < kFramesToTrustAfterLoss
+                           ? options_.min_inliers_after_loss
+                           : options_.min_inliers;
+    if (landmarks < enough) {
+      if (state_ == TrackingState::kTracking)
+        log::warn("tracking lost at {:.3f} s: {} landmarks fit, {} needed", to_seconds(stamp_ns),
+                  landmarks, enough);
+      state_ = TrackingState::kLost;
+      has_motion_ = false;
+      result.state = state_;
+      return result;
+    }
+    if (state_ == TrackingState::kLost)
+      log::info("tracking found again at {:.3f} s by {} landmarks", to_seconds(stamp_ns),
+                landmarks);
+    const bool continuous = state_ == TrackingState::kTracking;
+    state_ = TrackingState::kTracking;
+    choose_reference(*frame);
+    if (continuous) {
+      last_from_current_ = last_->map_from_camera.inverse() * frame->map_from_camera;
+      has_motion_ = true;
+    }
+    result.landmarks = landmarks;
+    if (wants_keyframe(*frame, landmarks)) result.keyframe = make_keyframe(*frame);
+  }
+
+  record(*frame);
+  result.state = state_;
+  result.map_from_camera = frame->map_from_camera;
+  result.odom_from_camera = map_from_odom_.inverse() * frame->map_from_camera;
+  last_ = std::move(frame);
+  return result;
+}
+
+// The first frame's camera is the origin of the map.
+bool Tracker::start(TrackedFrame& frame) {
+  if (features_with_depth(frame) < options_.min_start_features) return false;
+  frame.map_from_camera = Rigid3();
+  state_ = TrackingState::kTracking;
+  return true;
+}
+
+// Constant velocity, matched to the last frame; twice the radius when too few are found.
+int Tracker::follow_motion(TrackedFrame& frame) {
+  frame.map_from_camera =
+      has_motion_ ? last_->map_from_camera * last_from_current_ : last_->map_from_camera;
+  const Rigid3 predicted = frame.map_from_camera;
+  for (const double factor : {1.0, 2.0}) {
+    clear_matches(frame);
+    frame.map_from_camera = predicted;
+    const int matches =
+        match_to_last_frame(*last_, map_, factor * options_.last_frame_radius, frame);
+    if (matches >= kMinMatches) {
+      const int landmarks = refine_pose(frame);
+      if (landmarks >= kMinFollowInliers) return landmarks;
+    }
+  }
+  return 0;
+}
+
+// The motion was not what it seemed: match to the nearest keyframe by looks alone.
+int Tracker::follow_keyframe(TrackedFrame& frame) {
+  const std::vector<KeyframePtr> recent = map_.recent_keyframes();
+  const auto reference = std::find_if(recent.begin(), recent.end(),
+                                      [&](const KeyframePtr& k) { return k->id == reference_; });
+  if (reference == recent.end()) return 0;
+  return relocalise_against(**reference, map_, kMinFollowInliers, frame)
+             ? static_cast<int>(frame.landmarks().size())
+             : 0;
+}
+
+// Lost: the newest keyframe every time, and two others in turn, so that one frame's cost is
+// bounded.
+bool Tracker::find_again(TrackedFrame& frame) {
+  const std::vector<KeyframePtr> recent = map_.recent_keyframes();
+  if (recent.empty()) return false;
+  std::vector<std::size_t> tries{0};
+  for (int i = 0; i < 2 && recent.size() > 1; ++i)
+    tries.push_back(1 + lost_attempts_++ % (recent.size() - 1));
+  for (const std::size_t i : tries)
+    if (relocalise_against(*recent[i], map_, options_.min_inliers_after_loss, frame)) return true;
+  return false;
+}
+
+int Tracker::match_local_map(TrackedFrame& frame) {
+  const auto local = map_.around(frame.landmarks(), options_.local_keyframes);
+  match_to_landmarks(local, options_.local_map_radius, frame);
+  return refine_pose(frame);
+}
+
+void Tracker::choose_reference(const TrackedFrame& frame) {
+  if (const auto best = map_.most_shared(frame.landmarks())) reference_ = *best;
+}
+
+bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
+  KeyframeSituation now;
+  now.frames_since_keyframe = frames_since_keyframe_;
+  now.shown_landmarks = landmarks;
+  // With few keyframes landmarks can't have been seen often yet.
+  now.reference_landmarks = map_.landmarks_of(reference_, map_.keyframe_count() <= 2 ? 1 : 2);
+  now.backlog = backlog();
+  for (std::size_t f = 0; f < frame.features.size(); ++f) {
+    const Feature& feature = frame.features.points[f];
+    if (!feature.has_depth() || rig_->camera.depth(feature.disparity) > rig_->max_depth) continue;
+    ++(frame.matches[f].shows_landmark() ? now.near_tracked : now.near_new);
+  }
+  return cairn::wants_keyframe(options_.keyframes, now);
+}
+
+KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
+  auto keyframe = std::make_shared<Keyframe>();
+  keyframe->id = {epoch_, next_sequence_++};
+  keyframe->stamp_ns = frame.stamp_ns;
+  keyframe->rig = rig_;
+  keyframe->odom_from_camera = map_from_odom_.inverse() * frame.map_from_camera;
+  keyframe->reference = reference_;
+  if (const auto map_from_reference = map_.pose_of(reference_))
+    keyframe->reference_from_camera = map_from_reference->inverse() * frame.map_from_camera;
+
+  // Nearest first: their depth is best.
+  std::vector<std::pair<double, std::size_t>> new_points;
+  for (std::size_t f = 0; f < frame.features.size(); ++f)
+    if (frame.features.points[f].has_depth() && !frame.matches[f].shows_landmark())
+      new_points.emplace_back(rig_->camera.depth(frame.features.points[f].disparity), f);
+  std::sort(new_points.begin(), new_points.end());
+  for (std::size_t i = 0; i < new_points.size(); ++i) {
+    const auto& [depth, f] = new_points[i];
+    if (depth > rig_->max_depth && i >= static_cast<std::size_t>(options_.min_new_landmarks)) break;
+    frame.matches[f] = {true, LandmarkId::from_feature(keyframe->id, static_cast<std::uint16_t>(f)),
+                        frame.point_in_map(f)};
+  }
+  for (std::size_t f = 0; f < frame.features.size(); ++f)
+    if (frame.matches[f].shows_landmark())
+      keyframe->matches.push_back({static_cast<std::uint16_t>(f), frame.matches[f].landmark});
+
+  keyframe->features = frame.features;
+  map_.add_keyframe(keyframe, frame.map_from_camera);
+  reference_ = keyframe->id;
+  frames_since_keyframe_ = 0;
+  return keyframe;
+}
+
+void Tracker::record(const TrackedFrame& frame) {
+  const auto map_from_reference = map_.pose_of(reference_);
+  reference_from_last_ = map_from_reference->inverse() * frame.map_from_camera;
+  trajectory_.add(frame.stamp_ns, reference_, reference_from_last_);
+}
+
+void Tracker::apply(const MapUpdate& update) {
+  map_.apply(update);
+  if (update.epoch == epoch_)
+    mapped_keyframes_ = std::max(mapped_keyframes_, update.mapped_keyframes);
+  if (!last_) return;
+  // The last frame keeps its place beside its reference keyframe; the difference goes between odom
+  // and map, so that the client's own frame does not jump.
+  const Rigid3 odom_from_camera = map_from_odom_.inverse() * last_->map_from_camera;
+  last_->map_from_camera = *map_.pose_of(reference_) * reference_from_last_;
+  map_from_odom_ = last_->map_from_camera * odom_from_camera.inverse();
+}
+
+}  // namespace cairn

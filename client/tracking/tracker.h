@@ -1,0 +1,98 @@
+// Tracking: the pose of every frame against the local map, and the choice of keyframes.
+//
+// One frame goes through five steps: predict, match to the last frame, match to the local map,
+// decide on a keyframe, record. Nothing here waits for anybody. Used from one thread.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "client/tracking/keyframe_policy.h"
+#include "client/tracking/local_map.h"
+#include "client/tracking/tracked_frame.h"
+#include "client/tracking/trajectory.h"
+
+namespace cairn {
+
+struct TrackerOptions {
+  // Landmarks that must fit a pose for it to count (after the local map was searched), and after
+  // having been lost, when more proof is due.
+  int min_inliers = 20;
+  int min_inliers_after_loss = 40;
+  // Features with depth that a first frame must have to start a map.
+  int min_start_features = 60;
+  // Features nearer than this share the making of a keyframe's provisional landmarks: all within
+  // the rig's max_depth, and at least this many of the nearest.
+  int min_new_landmarks = 100;
+  double last_frame_radius = 15;  // pixels, search around a predicted position
+  double local_map_radius = 1.2;  // factor on the search radius around a landmark's projection
+  std::size_t local_keyframes = 60;
+  KeyframePolicyOptions keyframes;
+};
+
+enum class TrackingState { kStarting, kTracking, kLost };
+
+struct TrackingResult {
+  TrackingState state = TrackingState::kStarting;
+  Rigid3 map_from_camera;   // meaningful while tracking
+  Rigid3 odom_from_camera;  // the same, without the jumps of corrections
+  int landmarks = 0;        // that fit the pose
+  KeyframePtr keyframe;     // the one made of this frame, or null
+};
+
+class Tracker {
+ public:
+  // `epoch` names this run's keyframes, see KeyframeId.
+  Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOptions options = {});
+
+  // Stamps must ascend.
+  TrackingResult track(std::int64_t stamp_ns, Features features);
+
+  // Corrections by the server; call between frames. What is being tracked moves along with the map.
+  void apply(const MapUpdate& update);
+
+  // Without a server nobody maps keyframes, and the policy need not wait for anyone.
+  void set_has_server(bool has_server) { has_server_ = has_server; }
+
+  std::uint32_t keyframes_made() const { return next_sequence_; }
+  std::uint32_t keyframes_mapped() const { return mapped_keyframes_; }
+  int backlog() const {
+    return has_server_ ? static_cast<int>(next_sequence_ - mapped_keyframes_) : 0;
+  }
+  std::vector<StampedPose> trajectory() const { return trajectory_.poses(map_); }
+  const LocalMap& map() const { return map_; }
+
+ private:
+  bool start(TrackedFrame& frame);
+  int follow_motion(TrackedFrame& frame);
+  int follow_keyframe(TrackedFrame& frame);
+  bool find_again(TrackedFrame& frame);
+  int match_local_map(TrackedFrame& frame);
+  void choose_reference(const TrackedFrame& frame);
+  bool wants_keyframe(const TrackedFrame& frame, int landmarks) const;
+  KeyframePtr make_keyframe(TrackedFrame& frame);
+  void record(const TrackedFrame& frame);
+
+  const std::uint64_t epoch_;
+  const std::shared_ptr<const Rig> rig_;
+  const TrackerOptions options_;
+
+  TrackingState state_ = TrackingState::kStarting;
+  LocalMap map_;
+  FrameTrajectory trajectory_;
+  std::unique_ptr<TrackedFrame> last_;  // the last tracked frame
+  Rigid3 last_from_current_;            // predicted motion, camera to camera
+  bool has_motion_ = false;
+  KeyframeId reference_;        // own keyframe that the current view is nearest to
+  Rigid3 reference_from_last_;  // the last frame's pose, relative to it
+  Rigid3 map_from_odom_;
+  int frames_since_keyframe_ = 0;
+  int frames_since_loss_ = 1'000'000;
+  std::size_t lost_attempts_ = 0;
+  std::uint32_t next_sequence_ = 0;
+  std::uint32_t mapped_keyframes_ = 0;
+  bool has_server_ = true;
+};
+
+}  // namespace cairn
