@@ -50,6 +50,8 @@ struct MapDelta {
   std::vector<Sighting> sightings;
   std::vector<KeyframeId> removed_keyframes;
 
+  // An empty one, to be filled with what follows from this snapshot.
+  static MapDelta based_on(const Map& snapshot);
   bool empty() const;
 };
 

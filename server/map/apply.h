@@ -1,0 +1,64 @@
+// The events of a map, as functions from one valid map to the next. Each one that changes anything
+// takes the map to its next revision. Deterministic; not thread-safe: a map that others see is
+// changed by its MapWriter alone (map_writer.h).
+#pragma once
+
+#include "server/map/delta.h"
+#include "server/map/map.h"
+
+namespace cairn {
+
+struct KeyframeSummary {
+  bool inserted = false;  // false: the map has or had a keyframe of that id, nothing was done
+  int accepted = 0;       // matches with landmarks that the map had
+  int created = 0;        // landmarks made from depth
+  int rejected = 0;       // matches that contradict the map, or with landmarks that are gone
+};
+
+// Inserts a keyframe.
+//
+// Pose: that of its reference times reference_from_camera. Where the reference is unknown: relative
+// to the client's keyframe before it, by odometry; the client's first keyframe starts at the
+// identity in an empty map and at odom_from_camera in any other.
+//
+// Each reported match is followed through replaced_landmarks and taken when the landmark projects
+// near the feature and the keyframe does not see it by another feature. A match that names this
+// very keyframe and feature makes that landmark from the feature's depth. A match with a client's
+// landmark that is not in the map is taken to mean the feature that it was named after: the
+// landmark which that feature shows now or, if none, one made from its depth.
+KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe);
+
+struct DeltaSummary {
+  // The delta was computed before a merge or loop closure: nothing was done.
+  bool is_void = false;
+  int landmarks_made = 0, landmarks_removed = 0, fused = 0, landmarks_moved = 0;
+  int observations_added = 0, observations_removed = 0;
+  int poses_changed = 0, keyframes_removed = 0;
+  int carried = 0;  // keyframes and landmarks that came after the snapshot and moved along
+  int dropped = 0;  // changes whose ids are gone or that contradict the map's present state
+};
+
+// Applies a delta to a map that may have moved on since (delta.h).
+//
+// A keyframe that came after the delta's snapshot moves with its reference, or else its parent, if
+// that one is changed or carried itself: it keeps its pose relative to it. Landmarks that came
+// after the snapshot move with their reference keyframe.
+DeltaSummary apply_delta(Map& map, const MapDelta& delta);
+
+// Takes a keyframe out. Its children get another parent: the most covisible one that does not
+// descend from them, or the removed one's parent. The map remembers its pose relative to its parent
+// (removed_keyframes); landmarks that nothing else sees vanish. False for roots and unknown ones.
+bool remove_keyframe(Map& map, KeyframeId id);
+
+// Descriptor, normal and distances of a landmark from its observations (refresh.h). The functions
+// above do it for all that they touch.
+void refresh_landmark(const Map& map, Landmark& landmark);
+
+// Squared error of a landmark's projection over its variance, 2 degrees of freedom for features
+// without depth and 3 for those with it; infinite behind the camera. The 95 % quantiles are 5.99
+// and 7.81 (kChi2Pixel, kChi2Depth).
+double reprojection_chi2(const KeyframeNode& node, std::uint16_t feature,
+                         const Eigen::Vector3d& point_in_map);
+inline constexpr double kChi2Pixel = 5.99, kChi2Depth = 7.81;
+
+}  // namespace cairn

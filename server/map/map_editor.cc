@@ -1,0 +1,232 @@
+#include "server/map/map_editor.h"
+
+#include <algorithm>
+
+#include "server/map/refresh.h"
+
+namespace cairn {
+namespace {
+
+bool stronger(const Covisible& a, const Covisible& b) {
+  return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
+}
+
+bool sees(const Landmark& landmark, KeyframeId keyframe) {
+  return std::any_of(landmark.observations.begin(), landmark.observations.end(),
+                     [&](const Observation& o) { return o.keyframe == keyframe; });
+}
+
+void change_shared(std::vector<Covisible>& list, KeyframeId other, int change) {
+  auto it = std::find_if(list.begin(), list.end(),
+                         [&](const Covisible& c) { return c.keyframe == other; });
+  if (it == list.end()) it = list.insert(list.end(), {other, 0});
+  it->shared += change;
+  if (it->shared == 0) list.erase(it);
+}
+
+}  // namespace
+
+MapEditor::MapEditor(Map& map) : map_(map) {
+  ++map_.revision;
+}
+
+void MapEditor::insert_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera) {
+  const KeyframeId id = keyframe->id;
+  KeyframeNode node;
+  node.map_from_camera = map_from_camera;
+  node.landmarks.resize(keyframe->features.size());
+  node.arrival = node.revision = map_.revision;
+  node.keyframe = std::move(keyframe);
+  map_.keyframes.insert(id, std::move(node));
+  ++map_.keyframes_ever;
+}
+
+void MapEditor::join_tree(KeyframeId id, KeyframeId fallback) {
+  update_covisibility();
+  const KeyframeNode* node = map_.keyframes.find(id);
+  if (!node) return;
+  if (!node->covisible.empty())
+    set_parent(id, node->covisible.front().keyframe);
+  else if (fallback != id && map_.keyframes.contains(fallback))
+    set_parent(id, fallback);
+}
+
+bool MapEditor::remove_keyframe(KeyframeId id) {
+  const KeyframeNode* node = map_.keyframes.find(id);
+  if (!node || !node->parent.is_valid()) return false;
+  const KeyframeId parent = node->parent;
+  const Rigid3 map_from_parent = map_.keyframes.at(parent).map_from_camera;
+  const KeyframeRemoval removal{id, parent, map_from_parent.inverse() * node->map_from_camera};
+
+  // While it still has its covisible keyframes: they are what its children are handed on to.
+  const std::vector<KeyframeId> children = node->children;
+  for (KeyframeId child : children) set_parent(child, new_parent(map_.keyframes.at(child), id));
+
+  const std::vector<LandmarkId> landmarks = map_.keyframes.at(id).landmarks;
+  for (std::size_t f = 0; f < landmarks.size(); ++f)
+    if (landmarks[f].is_valid())
+      remove_observation(landmarks[f], {id, static_cast<std::uint16_t>(f)});
+  update_covisibility();
+
+  auto& siblings = map_.keyframes.edit(parent)->children;
+  siblings.erase(std::find(siblings.begin(), siblings.end(), id));
+  map_.keyframes.erase(id);
+  map_.removed_keyframes.insert(id, removal);
+  return true;
+}
+
+bool MapEditor::is_free(const Observation& o) const {
+  const KeyframeNode* node = map_.keyframes.find(o.keyframe);
+  return node && o.feature < node->landmarks.size() && !node->landmarks[o.feature].is_valid();
+}
+
+bool MapEditor::add_observation(LandmarkId id, const Observation& observation) {
+  const Landmark* landmark = map_.landmarks.find(id);
+  if (!landmark || !is_free(observation) || sees(*landmark, observation.keyframe)) return false;
+  attach(*map_.landmarks.edit(id), observation);
+  return true;
+}
+
+void MapEditor::attach(Landmark& landmark, const Observation& observation) {
+  count_covisible(landmark, observation.keyframe, +1);
+  landmark.observations.push_back(observation);
+  map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = landmark.id;
+  touch(landmark.id, Touch::kObservations);
+}
+
+bool MapEditor::remove_observation(LandmarkId id, const Observation& observation) {
+  const Landmark* found = map_.landmarks.find(id);
+  if (!found) return false;
+  const auto& all = found->observations;
+  const auto at = std::find(all.begin(), all.end(), observation) - all.begin();
+  if (at == std::ssize(all)) return false;
+
+  Landmark& landmark = *map_.landmarks.edit(id);
+  landmark.observations.erase(landmark.observations.begin() + at);
+  map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = LandmarkId{};
+  count_covisible(landmark, observation.keyframe, -1);
+  if (landmark.observations.empty()) {
+    touched_.erase(id);
+    map_.landmarks.erase(id);
+    return true;
+  }
+  if (landmark.reference == observation.keyframe)
+    landmark.reference = landmark.observations.front().keyframe;
+  touch(id, Touch::kObservations);
+  return true;
+}
+
+bool MapEditor::insert_landmark(LandmarkId id, const Eigen::Vector3d& position,
+                                const Observation& first) {
+  if (!id.is_valid() || map_.landmarks.contains(id) || !is_free(first)) return false;
+  Landmark landmark;
+  landmark.id = id;
+  landmark.position = position;
+  landmark.reference = first.keyframe;
+  landmark.birth = map_.keyframes_ever;
+  landmark.arrival = map_.revision;
+  map_.replaced_landmarks.erase(id);
+  attach(map_.landmarks.insert(id, std::move(landmark)), first);
+  return true;
+}
+
+bool MapEditor::remove_landmark(LandmarkId id) {
+  const Landmark* landmark = map_.landmarks.find(id);
+  if (!landmark) return false;
+  const std::vector<Observation> observations = landmark->observations;
+  for (const Observation& o : observations) remove_observation(id, o);
+  return true;
+}
+
+bool MapEditor::fuse(LandmarkId from, LandmarkId into) {
+  from = map_.resolve(from);
+  into = map_.resolve(into);
+  if (!from.is_valid() || !into.is_valid() || from == into) return false;
+  const Landmark old = map_.landmarks.at(from);
+  remove_landmark(from);
+  for (const Observation& o : old.observations) add_observation(into, o);
+  Landmark& kept = *map_.landmarks.edit(into);
+  kept.found += old.found;
+  kept.visible += old.visible;
+  map_.replaced_landmarks.insert(from, into);
+  return true;
+}
+
+bool MapEditor::set_pose(KeyframeId id, const Rigid3& map_from_camera) {
+  KeyframeNode* node = map_.keyframes.edit(id);
+  if (!node) return false;
+  node->map_from_camera = map_from_camera;
+  node->revision = map_.revision;
+  return true;
+}
+
+bool MapEditor::set_position(LandmarkId id, const Eigen::Vector3d& position) {
+  Landmark* landmark = map_.landmarks.edit(id);
+  if (!landmark) return false;
+  landmark->position = position;
+  touch(id, Touch::kPosition);
+  return true;
+}
+
+void MapEditor::finish() {
+  update_covisibility();
+  for (const auto& [id, what] : touched_) {
+    Landmark* landmark = map_.landmarks.edit(id);
+    if (!landmark) continue;
+    landmark->revision = map_.revision;
+    if (what == Touch::kObservations) refresh_descriptor(map_, *landmark);
+    refresh_geometry(map_, *landmark);
+  }
+  touched_.clear();
+}
+
+void MapEditor::count_covisible(const Landmark& landmark, KeyframeId keyframe, int change) {
+  auto& row = covisibility_[keyframe];
+  for (const Observation& o : landmark.observations) {
+    if (o.keyframe == keyframe) continue;
+    row[o.keyframe] += change;
+    covisibility_[o.keyframe][keyframe] += change;
+  }
+}
+
+void MapEditor::touch(LandmarkId id, Touch what) {
+  Touch& entry = touched_.try_emplace(id, what).first->second;
+  entry = std::max(entry, what);
+}
+
+void MapEditor::update_covisibility() {
+  for (const auto& [id, changes] : covisibility_) {
+    KeyframeNode* node = nullptr;
+    for (const auto& [other, change] : changes) {
+      if (change == 0) continue;
+      if (!node) node = map_.keyframes.edit(id);
+      change_shared(node->covisible, other, change);
+    }
+    if (node) std::sort(node->covisible.begin(), node->covisible.end(), stronger);
+  }
+  covisibility_.clear();
+}
+
+void MapEditor::set_parent(KeyframeId child, KeyframeId parent) {
+  const KeyframeId former_parent = map_.keyframes.at(child).parent;
+  if (KeyframeNode* former = map_.keyframes.edit(former_parent))
+    std::erase(former->children, child);
+  map_.keyframes.edit(child)->parent = parent;
+  auto& children = map_.keyframes.edit(parent)->children;
+  children.insert(std::lower_bound(children.begin(), children.end(), child), child);
+}
+
+// The most covisible keyframe that is no descendant of the child; else the removed one's parent.
+KeyframeId MapEditor::new_parent(const KeyframeNode& child, KeyframeId removed) const {
+  for (const Covisible& c : child.covisible)
+    if (c.keyframe != removed && !descends_from(c.keyframe, child.keyframe->id)) return c.keyframe;
+  return map_.keyframes.at(removed).parent;
+}
+
+bool MapEditor::descends_from(KeyframeId id, KeyframeId ancestor) const {
+  for (; id.is_valid(); id = map_.keyframes.at(id).parent)
+    if (id == ancestor) return true;
+  return false;
+}
+
+}  // namespace cairn
