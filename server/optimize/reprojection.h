@@ -1,0 +1,71 @@
+// One observation as an error term: where a landmark should show in a keyframe's image, and where
+// its feature was found. Free of any solver, so that it can be tested and reused on its own.
+//
+// State: a pose `map_from_camera` and a landmark's position in map (metres). The pose is the one
+// that the map stores: its translation is the camera's centre, so the left perturbation of
+// rigid3.h, (exp(omega) R, t + v), turns the camera about its own centre. Rotation and translation
+// stay well apart however far from the map's origin the camera is.
+//
+// Error, predicted - measured, divided by its standard deviation:
+//   row 0, 1   the pixel (u, v)
+//   row 2      only for features with depth. Stereo: the column in the right image, u - disparity,
+//              which is what a row search measures. RGB-D: the disparity itself, which the depth
+//              sensor measures apart from the image.
+#pragma once
+
+#include <array>
+
+#include <Eigen/Core>
+
+#include "common/geometry/rigid3.h"
+#include "common/model/keyframe.h"
+
+namespace cairn {
+
+// Standard deviations in pixels at octave 0; they grow with the octave's scale.
+struct ObservationNoise {
+  double pixel = 1.0;
+  // Of the right image's column (stereo) and of the virtual disparity (RGB-D).
+  double stereo = 1.0;
+  double rgbd = 1.0;
+};
+
+// A pose in the order that the solver wants: quaternion x y z w, then the translation.
+using PoseState = std::array<double, 7>;
+PoseState to_state(const Rigid3& pose);
+Rigid3 to_rigid(const PoseState& state);
+
+class Reprojection {
+ public:
+  // 95 % quantiles of chi-squared with two and three degrees of freedom.
+  static constexpr double kChi2Pixel = 5.991;
+  static constexpr double kChi2Depth = 7.815;
+  // Metres. Nearer points, and those behind the camera, can't be seen.
+  static constexpr double kMinDepth = 1e-3;
+
+  Reprojection(const Rig& rig, const Feature& feature, const ObservationNoise& noise);
+
+  bool has_depth() const { return rows_ == 3; }
+  int rows() const { return rows_; }
+  // Errors above this squared norm are taken for wrong matches.
+  double chi2_limit() const { return has_depth() ? kChi2Depth : kChi2Pixel; }
+
+  // Writes rows() errors. `pose_jacobian`, row-major rows() x 7: derivatives by (omega, v) of the
+  // left perturbation in the first six columns, zero in the seventh (see rigid3_manifold.h).
+  // `point_jacobian`, row-major rows() x 3. Either may be null. False, with errors so large that no
+  // solver steps there and zero derivatives, when the point is not in front of the camera.
+  bool evaluate(const double* pose, const double* point, double* errors, double* pose_jacobian,
+                double* point_jacobian) const;
+
+  // Squared norm of the errors; infinity when the point is not in front of the camera.
+  double chi2(const double* pose, const double* point) const;
+
+ private:
+  int rows_;
+  double coupling_;  // share of u in row 2: 1 for the right image's column, 0 for disparity
+  double fx_, fy_, cx_, cy_, fx_baseline_;
+  Eigen::Vector3d measured_;
+  Eigen::Vector3d weight_;  // 1 / standard deviation
+};
+
+}  // namespace cairn

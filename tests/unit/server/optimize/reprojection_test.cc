@@ -1,0 +1,134 @@
+#include "server/optimize/reprojection.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "server/optimize/rigid3_manifold.h"
+
+namespace cairn {
+namespace {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+Rig rig_of(Sensor sensor) {
+  Rig rig;
+  rig.sensor = sensor;
+  rig.camera = {.fx = 520,
+                .fy = 510,
+                .cx = 320,
+                .cy = 240,
+                .width = 640,
+                .height = 480,
+                .baseline = sensor == Sensor::kMono ? 0.0 : 0.08};
+  return rig;
+}
+
+const Rigid3 kPose(so3_exp({0.2, -0.4, 0.1}), {3, -1, 0.5});
+const Eigen::Vector3d kPointInCamera(0.4, -0.3, 2.5);
+
+Feature feature_at(const Rig& rig, const Eigen::Vector3d& p, std::uint8_t octave) {
+  const Eigen::Vector2d pixel = rig.camera.project(p);
+  Feature feature;
+  feature.x = static_cast<float>(pixel.x());
+  feature.y = static_cast<float>(pixel.y());
+  feature.octave = octave;
+  if (rig.camera.baseline > 0) feature.disparity = static_cast<float>(rig.camera.disparity(p.z()));
+  return feature;
+}
+
+Eigen::Vector3d errors_at(const Reprojection& term, const Rigid3& pose,
+                          const Eigen::Vector3d& point) {
+  Eigen::Vector3d errors = Eigen::Vector3d::Zero();
+  term.evaluate(to_state(pose).data(), point.data(), errors.data(), nullptr, nullptr);
+  return errors;
+}
+
+class ReprojectionOfSensor : public testing::TestWithParam<Sensor> {};
+INSTANTIATE_TEST_SUITE_P(Sensors, ReprojectionOfSensor,
+                         testing::Values(Sensor::kRgbd, Sensor::kStereo, Sensor::kMono));
+
+TEST_P(ReprojectionOfSensor, IsZeroWhereTheFeatureWasFound) {
+  const Rig rig = rig_of(GetParam());
+  const Reprojection term(rig, feature_at(rig, kPointInCamera, 2), {});
+  EXPECT_EQ(term.rows(), GetParam() == Sensor::kMono ? 2 : 3);
+  EXPECT_LT(errors_at(term, kPose, kPose * kPointInCamera).norm(), 1e-4);
+}
+
+TEST_P(ReprojectionOfSensor, DerivativesAgreeWithDifferences) {
+  const Rig rig = rig_of(GetParam());
+  Feature feature = feature_at(rig, kPointInCamera, 3);
+  feature.x += 4;
+  feature.y -= 2;
+  const Reprojection term(rig, feature, {.pixel = 0.9, .stereo = 0.7, .rgbd = 1.3});
+  const Eigen::Vector3d point = kPose * kPointInCamera;
+  double errors[3];
+  Eigen::Matrix<double, 3, 7, Eigen::RowMajor> by_pose;
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> by_point;
+  by_pose.setZero();
+  by_point.setZero();
+  ASSERT_TRUE(
+      term.evaluate(to_state(kPose).data(), point.data(), errors, by_pose.data(), by_point.data()));
+
+  constexpr double kStep = 1e-6;
+  for (int i = 0; i < 6; ++i) {
+    const Vector6 step = kStep * Vector6::Unit(i);
+    const Eigen::Vector3d numeric = (errors_at(term, perturbed(kPose, step), point) -
+                                     errors_at(term, perturbed(kPose, -step), point)) /
+                                    (2 * kStep);
+    EXPECT_LT((by_pose.col(i) - numeric).norm(), 1e-5 * (1 + numeric.norm())) << "direction " << i;
+  }
+  EXPECT_EQ(by_pose.col(6).norm(), 0);
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector3d step = kStep * Eigen::Vector3d::Unit(i);
+    const Eigen::Vector3d numeric =
+        (errors_at(term, kPose, point + step) - errors_at(term, kPose, point - step)) / (2 * kStep);
+    EXPECT_LT((by_point.col(i) - numeric).norm(), 1e-5 * (1 + numeric.norm())) << "axis " << i;
+  }
+}
+
+TEST(Reprojection, WeighsByOctave) {
+  const Rig rig = rig_of(Sensor::kRgbd);
+  Feature feature = feature_at(rig, kPointInCamera, 2);
+  feature.x += 3;
+  const Reprojection term(rig, feature, {.pixel = 0.5});
+  EXPECT_NEAR(errors_at(term, kPose, kPose * kPointInCamera).x(), -3 / (0.5 * 1.2 * 1.2), 1e-4);
+}
+
+TEST(Reprojection, StereoMeasuresTheRightColumnAndRgbdTheDisparity) {
+  for (const Sensor sensor : {Sensor::kStereo, Sensor::kRgbd}) {
+    const Rig rig = rig_of(sensor);
+    Feature feature = feature_at(rig, kPointInCamera, 0);
+    feature.x += 2;  // the left column is wrong by 2, the disparity right: so is the right column
+    const auto errors = errors_at(Reprojection(rig, feature, {}), kPose, kPose * kPointInCamera);
+    EXPECT_NEAR(errors.z(), sensor == Sensor::kStereo ? -2 : 0, 1e-4);
+  }
+}
+
+TEST(Reprojection, PointBehindTheCameraCountsAsAnOutlier) {
+  const Rig rig = rig_of(Sensor::kRgbd);
+  const Reprojection term(rig, feature_at(rig, kPointInCamera, 0), {});
+  const Eigen::Vector3d behind = kPose * Eigen::Vector3d(0.1, 0.1, -2);
+  double errors[3];
+  EXPECT_FALSE(term.evaluate(to_state(kPose).data(), behind.data(), errors, nullptr, nullptr));
+  EXPECT_GT(errors[0], 1000);
+  EXPECT_GT(term.chi2(to_state(kPose).data(), behind.data()), term.chi2_limit());
+}
+
+TEST(Rigid3Manifold, PlusIsTheLeftPerturbationAndMinusItsInverse) {
+  const Rigid3Manifold manifold;
+  const PoseState x = to_state(kPose);
+  Vector6 delta;
+  delta << 0.1, -0.2, 0.3, 1, 2, -3;
+  PoseState y;
+  ASSERT_TRUE(manifold.Plus(x.data(), delta.data(), y.data()));
+  const Rigid3 expected = perturbed(kPose, delta);
+  EXPECT_LT(rotation_angle(to_rigid(y).inverse() * expected), 1e-9);
+  EXPECT_LT((to_rigid(y).translation - expected.translation).norm(), 1e-12);
+  Vector6 back;
+  ASSERT_TRUE(manifold.Minus(y.data(), x.data(), back.data()));
+  EXPECT_LT((back - delta).norm(), 1e-9);
+}
+
+}  // namespace
+}  // namespace cairn
