@@ -40,8 +40,8 @@ struct Evaluation {
   ErrorStatistics ate;              // metres
   ErrorStatistics rpe_translation;  // metres over rpe_delta_s
   ErrorStatistics rpe_rotation;     // radians over rpe_delta_s
-  // Share of the recording that has an estimate: poses of the estimate by options.frames, or else
-  // the share of the truth's poses, inside the estimate's own rate, that lie near an estimate.
+  // Share of the recording that has an estimate: number of estimated poses over options.frames, or
+  // else the share of the truth's span in time during which the estimate goes on without a gap.
   double coverage = 0;
   double scale = 1;  // of truth_from_estimate, from a Sim(3) alignment even when not applied
   Sim3 truth_from_estimate;  // that was applied
