@@ -1,0 +1,13 @@
+// A corner on one pyramid level, before it becomes a feature.
+#pragma once
+
+#include <cstdint>
+
+namespace cairn {
+
+struct Corner {
+  std::int16_t x = 0, y = 0;  // pixels of the level
+  std::int16_t score = 0;     // highest FAST threshold at which it is still a corner
+};
+
+}  // namespace cairn

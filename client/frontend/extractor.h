@@ -1,0 +1,84 @@
+// Image -> features: the improved ORB of Luo et al. 2020 (doi 10.1155/2020/4724310).
+//
+// Pyramid; sharpening of blocks of low entropy; FAST corners spread by a quadtree; orientation by
+// the intensity centroid; steered BRIEF. See the headers of the steps.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "client/frontend/corner.h"
+#include "client/frontend/describe.h"
+#include "client/frontend/entropy.h"
+#include "client/frontend/fast.h"
+#include "client/frontend/pyramid.h"
+#include "client/frontend/quadtree.h"
+#include "common/model/features.h"
+
+namespace cairn {
+
+struct ExtractorOptions {
+  int features = 1000;  // at most that many
+  ScalePyramid pyramid;
+  FastOptions fast;
+  EntropyOptions entropy;
+  bool describe_sharpened = true;  // descriptors too see the sharpened pixels, as in the paper
+};
+
+// Of the last image.
+struct ExtractorStats {
+  // Milliseconds on the extractor's thread.
+  double pyramid_ms = 0, entropy_ms = 0, sharpen_ms = 0, fast_ms = 0, quadtree_ms = 0;
+  double orient_ms = 0, smooth_ms = 0, describe_ms = 0;
+  double total_ms = 0;
+  int corners = 0;  // candidates, before the quadtree
+  int blocks = 0;   // on all levels
+  int blocks_sharpened = 0;
+  double image_entropy = 0;  // mean over all blocks, bits
+  double threshold = 0;      // E0, bits
+};
+
+// Used from one thread. The same images in the same order give the same features; with the entropy
+// mode `online` E0 depends on the images seen before. Memory is reused: nothing of its own is
+// allocated once the image size is known.
+class Extractor {
+ public:
+  explicit Extractor(const ExtractorOptions& options);
+
+  // Replaces `out` by the features of `gray` (CV_8UC1): positions in pixels of that image, lens
+  // distortion included; disparity 0; level by level, the finest first. None when the image is
+  // empty or of another type.
+  void extract(const cv::Mat& gray, Features& out);
+
+  const ExtractorStats& stats() const { return stats_; }
+  // H_ave over the images so far, bits: what EntropyOptions::scene_mean wants.
+  double scene_entropy() const { return threshold_.mean(); }
+  // Of the last image, not sharpened.
+  const Pyramid& pyramid() const { return pyramid_; }
+
+ private:
+  void measure_entropy();
+  void sharpen_blocks();
+  void find_corners();
+  void choose_corners();
+  void emit(Features& out);
+  const cv::Mat& sharpened_or_plain(int level) const;
+
+  ExtractorOptions options_;
+  Pyramid pyramid_;
+  LevelStack sharpened_, smoothed_;
+  EntropyThreshold threshold_;
+  FastDetector fast_;
+  Quadtree quadtree_;
+  Describer describer_;
+  ExtractorStats stats_;
+
+  std::vector<float> entropies_;              // of the blocks, level by level
+  std::vector<bool> has_sharpened_;           // per level
+  std::vector<std::vector<Corner>> corners_;  // per level
+  std::vector<std::vector<Corner>> chosen_;   // per level
+};
+
+}  // namespace cairn
