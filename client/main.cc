@@ -1,1 +1,117 @@
-int main(){return 0;}
+// cairn-client: the command line of one camera.
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+
+#include <CLI/CLI.hpp>
+
+#include "client/session.h"
+#include "common/util/log.h"
+
+namespace {
+
+enum ExitCode { kAllDelivered = 0, kFailed = 1, kBadUsage = 2, kUndelivered = 3 };
+
+std::atomic<bool> stop_requested = false;
+
+void request_stop(int) {
+  stop_requested = true;
+}
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
+}
+
+// Results on stdout, one `name value` pair a line.
+void print_report(const cairn::SessionReport& r) {
+  const double seconds = std::max(r.seconds, 1e-9);
+  fmt::print("frames {}\ntracked {}\ndropped {}\nskipped {}\n", r.frames, r.tracked, r.dropped,
+             r.skipped);
+  fmt::print("keyframes {}\nmapped {}\nundelivered {}\n", r.keyframes, r.mapped, r.undelivered);
+  fmt::print("tracking_ms_median {:.2f}\ntracking_ms_p95 {:.2f}\nextraction_ms_median {:.2f}\n",
+             percentile(r.tracking_ms, 0.5), percentile(r.tracking_ms, 0.95),
+             percentile(r.extraction_ms, 0.5));
+  fmt::print("correction_ms_median {:.1f}\ncorrection_ms_p95 {:.1f}\n",
+             percentile(r.correction_ms, 0.5), percentile(r.correction_ms, 0.95));
+  fmt::print("up_kB_per_s {:.1f}\ndown_kB_per_s {:.1f}\n",
+             static_cast<double>(r.bytes_up) / seconds / 1000,
+             static_cast<double>(r.bytes_down) / seconds / 1000);
+}
+
+int exit_code(const cairn::Error& error) {
+  return error.code == cairn::ErrorCode::kInvalidArgument ||
+                 error.code == cairn::ErrorCode::kNotFound
+             ? kBadUsage
+             : kFailed;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"Tracks one camera and shares what it sees with cairn-server."};
+  app.set_version_flag("--version", CAIRN_VERSION);
+  std::string config_path;
+  cairn::SessionOptions options;
+  std::optional<std::uint32_t> domain;
+  double timeout_s = options.timeout.count();
+  std::string log_level;
+  app.add_option("--config", config_path, "YAML file with the camera and settings")->required();
+  app.add_option("--input", options.input,
+                 "tum:DIR, euroc:DIR, kitti:DIR, folder:DIR, video:FILE, camera:N or "
+                 "synth:SCENE[?key=value&...]")
+      ->required();
+  app.add_option("--name", options.name, "name of this client, unique among those of a server")
+      ->capture_default_str();
+  app.add_option("--domain", domain, "DDS domain, 0 to 232; overrides the config")
+      ->check(CLI::Range(0, 232));
+  app.add_option("--trajectory", options.trajectory,
+                 "file for the corrected trajectory, TUM format");
+  app.add_option("--outbox", options.outbox,
+                 "file that keeps keyframes until the server has them [NAME.outbox]");
+  app.add_flag("--max-rate", options.max_rate,
+               "every frame, as fast as tracking and mapping allow, instead of real time");
+  app.add_flag("--lockstep", options.lockstep,
+               "wait for the server's answer to each keyframe; repeatable, for tests");
+  app.add_flag("--no-server", options.no_server, "track alone; keyframes stay in the outbox");
+  app.add_option("--timeout", timeout_s, "seconds to wait for delivery and corrections at the end")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? kAllDelivered : kBadUsage;
+  }
+
+  cairn::log::initialise("cairn-client", log_level.empty() ? "info" : log_level);
+  cairn::Result<cairn::ClientConfig> config = cairn::load_client_config(config_path);
+  if (!config) {
+    fmt::print(stderr, "cairn-client: {}\n", config.message());
+    return kBadUsage;
+  }
+  options.config = *config;
+  if (log_level.empty()) cairn::log::initialise("cairn-client", options.config.log_level);
+  if (domain) options.config.domain = *domain;
+  options.timeout = std::chrono::duration<double>(timeout_s);
+
+  std::signal(SIGINT, request_stop);
+  std::signal(SIGTERM, request_stop);
+  const cairn::Result<cairn::SessionReport> report = cairn::run_session(options, stop_requested);
+  if (!report) {
+    fmt::print(stderr, "cairn-client: {}\n", report.message());
+    return exit_code(report.error());
+  }
+  print_report(*report);
+  if (options.no_server || report->undelivered > 0) {
+    if (!options.no_server)
+      fmt::print(stderr,
+                 "cairn-client: {} keyframes remain in the outbox; run again with the same "
+                 "--outbox to deliver them\n",
+                 report->undelivered);
+    return kUndelivered;
+  }
+  return kAllDelivered;
+}

@@ -1,0 +1,216 @@
+#include "client/session.h"
+
+#include <unistd.h>
+
+#include <map>
+#include <memory>
+#include <random>
+
+#include "client/capture/frame_source.h"
+#include "client/frontend/frontend.h"
+#include "client/link/link.h"
+#include "client/pacer.h"
+#include "client/tracking/tracker.h"
+#include "common/util/clock.h"
+#include "common/util/log.h"
+
+namespace cairn {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+using std::chrono::nanoseconds;
+
+constexpr int kMaxBacklog = 3;                    // keyframes awaiting mapping, with --max-rate
+constexpr milliseconds kStopCheck{100};           // how soon an interrupt is noticed while waiting
+constexpr std::chrono::seconds kConnectGrace{5};  // --max-rate goes on without a server after this
+constexpr std::chrono::seconds kProgressEvery{5};
+
+std::uint64_t random_epoch() {
+  std::random_device device;
+  std::uint64_t epoch = 0;
+  while (epoch == 0) epoch = (std::uint64_t{device()} << 32) | device();
+  return epoch;
+}
+
+// The parts of a run and the steps that it is made of.
+class Session {
+ public:
+  Session(const SessionOptions& options, const std::atomic<bool>& stop)
+      : options_(options), stop_(stop) {}
+
+  Result<SessionReport> run();
+
+ private:
+  Status open();
+  Status process(const Frame& frame);
+  void take_corrections(nanoseconds at_most);
+  Status wait_for_mapping(int backlog, Clock::time_point deadline, bool only_while_connected);
+  Status after_keyframe();
+  Status finish();
+  void show_progress();
+
+  const SessionOptions& options_;
+  const std::atomic<bool>& stop_;
+  std::unique_ptr<FrameSource> source_;
+  std::unique_ptr<Frontend> frontend_;
+  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<Link> link_;
+  std::map<std::uint32_t, Clock::time_point> sent_;  // keyframes not mapped yet
+  Clock::time_point next_progress_ = Clock::now() + kProgressEvery;
+  SessionReport report_;
+};
+
+Status Session::open() {
+  Result<std::unique_ptr<FrameSource>> source = open_source(options_.input, options_.config.camera);
+  if (!source) return source.error();
+  source_ = std::move(*source);
+  frontend_ = std::make_unique<Frontend>(source_->camera(), options_.config.frontend);
+
+  const ClientId client{options_.name, random_epoch()};
+  tracker_ = std::make_unique<Tracker>(client.epoch, std::make_shared<Rig>(frontend_->rig()),
+                                       options_.config.tracker);
+  tracker_->set_has_server(!options_.no_server);
+
+  LinkOptions link;
+  link.client = client;
+  link.sensor = source_->camera().sensor;
+  link.domain = options_.config.domain;
+  link.partition = options_.config.partition;
+  link.outbox = options_.outbox.empty() ? options_.name + ".outbox" : options_.outbox;
+  link.no_server = options_.no_server;
+  Result<std::unique_ptr<Link>> started = Link::start(link);
+  if (!started) return started.error();
+  link_ = std::move(*started);
+  return {};
+}
+
+void Session::take_corrections(nanoseconds at_most) {
+  auto update = at_most > nanoseconds::zero() ? link_->wait_update(at_most) : link_->poll_update();
+  for (; update; update = link_->poll_update()) {
+    tracker_->apply(*update);
+    const auto now = Clock::now();
+    while (!sent_.empty() && sent_.begin()->first < tracker_->keyframes_mapped()) {
+      report_.correction_ms.push_back(
+          std::chrono::duration<double, std::milli>(now - sent_.begin()->second).count());
+      sent_.erase(sent_.begin());
+    }
+  }
+}
+
+Status Session::process(const Frame& frame) {
+  const Stopwatch watch;
+  ObservedFrame observed = frontend_->process(frame);
+  report_.extraction_ms.push_back(watch.milliseconds());
+  const TrackingResult result = tracker_->track(observed.stamp_ns, std::move(observed.features));
+  if (result.keyframe) {
+    sent_[result.keyframe->id.sequence] = Clock::now();
+    link_->send(result.keyframe);
+  }
+  report_.tracking_ms.push_back(watch.milliseconds());
+  ++report_.frames;
+  report_.tracked += result.state == TrackingState::kTracking;
+  return result.keyframe ? after_keyframe() : Status();
+}
+
+// Waits until at most `backlog` keyframes await mapping. Running into the deadline is an error,
+// losing the server only where `only_while_connected` is not set.
+Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
+                                 bool only_while_connected) {
+  const auto grace = Clock::now() + kConnectGrace;
+  while (tracker_->backlog() > backlog && !stop_) {
+    if (Status s = link_->status(); !s) return s;
+    const auto now = Clock::now();
+    if (only_while_connected && now > grace && !link_->stats().connected) return {};
+    if (now > deadline)
+      return {ErrorCode::kTimeout,
+              fmt::format("{} keyframes still await the server's mapping after {:.0f} s; is "
+                          "cairn-server running in domain {}?",
+                          tracker_->backlog(), options_.timeout.count(), options_.config.domain)};
+    take_corrections(std::min<nanoseconds>(kStopCheck, deadline - now));
+  }
+  return {};
+}
+
+Status Session::after_keyframe() {
+  if (options_.no_server) return {};
+  if (options_.lockstep)
+    return wait_for_mapping(
+        0, Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout), false);
+  if (options_.max_rate) return wait_for_mapping(kMaxBacklog, Clock::time_point::max(), true);
+  return {};
+}
+
+// A line that renews itself on a terminal, a plain one now and then in a pipe.
+void Session::show_progress() {
+  static const bool terminal = isatty(STDERR_FILENO) == 1;
+  if (Clock::now() < next_progress_) return;
+  next_progress_ = Clock::now() + (terminal ? nanoseconds(milliseconds(200)) : kProgressEvery);
+  const std::string total = source_->size() ? fmt::format("/{}", *source_->size()) : "";
+  const std::string line =
+      fmt::format("frame {}{}, {} tracked, {} keyframes, {} await mapping", report_.frames, total,
+                  report_.tracked, tracker_->keyframes_made(), tracker_->backlog());
+  if (terminal)
+    fmt::print(stderr, "\r{}\033[K", line);
+  else
+    log::info("{}", line);
+}
+
+// Every keyframe acknowledged, the last corrections in, the trajectory on disk.
+Status Session::finish() {
+  if (isatty(STDERR_FILENO) == 1) fmt::print(stderr, "\r\033[K");
+  report_.keyframes = tracker_->keyframes_made();
+  if (!options_.no_server) {
+    const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
+    if (Status s = wait_for_mapping(0, deadline, false); !s) log::warn("{}", s.message());
+    link_->wait_delivered(std::max(nanoseconds::zero(), nanoseconds(deadline - Clock::now())));
+    take_corrections(nanoseconds::zero());
+  }
+  link_->stop();
+  const LinkStats stats = link_->stats();
+  report_.mapped = tracker_->keyframes_mapped();
+  report_.acknowledged = stats.keyframes_acked;
+  report_.undelivered = stats.keyframes_in_outbox;
+  report_.bytes_up = stats.bytes_up;
+  report_.bytes_down = stats.bytes_down;
+  if (!options_.trajectory.empty()) return write_tum(options_.trajectory, tracker_->trajectory());
+  return {};
+}
+
+Result<SessionReport> Session::run() {
+  if (Status s = open(); !s) return s.error();
+  Pacer pacer(*source_, !options_.max_rate && !options_.lockstep);
+  std::optional<Clock::time_point> start;
+  std::int64_t first_stamp = 0, last_stamp = 0;
+  while (!stop_) {
+    Result<std::optional<Frame>> frame = pacer.next([&](nanoseconds remaining) {
+      take_corrections(std::min<nanoseconds>(remaining, kStopCheck));
+    });
+    if (!frame) return frame.error();
+    if (!*frame) break;
+    if (!start) {
+      start = Clock::now();
+      first_stamp = (*frame)->stamp_ns;
+    }
+    last_stamp = (*frame)->stamp_ns;
+    take_corrections(nanoseconds::zero());
+    if (Status s = process(**frame); !s) return s.error();
+    show_progress();
+  }
+  report_.seconds = to_seconds(last_stamp - first_stamp);
+  report_.dropped = pacer.dropped();
+  report_.skipped = source_->skipped();
+  if (report_.frames == 0 && !stop_)
+    return Error{ErrorCode::kInvalidArgument, fmt::format("{}: no usable frame in it ({} skipped)",
+                                                          options_.input, report_.skipped)};
+  if (Status s = finish(); !s) return s.error();
+  return report_;
+}
+
+}  // namespace
+
+Result<SessionReport> run_session(const SessionOptions& options, const std::atomic<bool>& stop) {
+  return Session(options, stop).run();
+}
+
+}  // namespace cairn
