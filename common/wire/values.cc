@@ -1,0 +1,104 @@
+#include "common/wire/values.h"
+
+#include <cmath>
+#include <unordered_set>
+
+namespace cairn::wire {
+namespace {
+
+constexpr double kUnitTolerance = 1e-6;
+constexpr double kMaxDistance = 1e7;  // metres
+constexpr double kMaxScale = 1e6;     // between two maps, either way
+constexpr std::uint64_t kMaxClientLandmark = (std::uint64_t{1} << 48) - 1;
+
+bool is_unit(const Eigen::Quaterniond& q) {
+  // NaN and infinity fail the comparison.
+  return std::abs(q.norm() - 1.0) <= kUnitTolerance;
+}
+
+bool is_near(const Eigen::Vector3d& t) {
+  return t.allFinite() && t.cwiseAbs().maxCoeff() <= kMaxDistance;
+}
+
+}  // namespace
+
+bool is_sound(const Rigid3& t) {
+  return is_unit(t.rotation) && is_near(t.translation);
+}
+
+bool is_sound(const Sim3& t) {
+  return is_unit(t.rotation) && is_near(t.translation) && t.scale >= 1.0 / kMaxScale &&
+         t.scale <= kMaxScale;
+}
+
+bool is_sound(const LandmarkId& id) {
+  if (!id.is_valid()) return false;
+  return id.origin == LandmarkId::kServer || id.number <= kMaxClientLandmark;
+}
+
+void put_rigid(ByteWriter& out, const Rigid3& t) {
+  for (const double v : {t.rotation.w(), t.rotation.x(), t.rotation.y(), t.rotation.z(),
+                         t.translation.x(), t.translation.y(), t.translation.z()})
+    out.put(v);
+}
+
+Rigid3 get_rigid(ByteReader& in) {
+  double v[7];
+  for (double& value : v) value = in.get_double();
+  return {Eigen::Quaterniond(v[0], v[1], v[2], v[3]), Eigen::Vector3d(v[4], v[5], v[6])};
+}
+
+void put_descriptor(ByteWriter& out, const Descriptor& descriptor) {
+  for (const std::uint64_t word : descriptor) out.put(word);
+}
+
+Descriptor get_descriptor(ByteReader& in) {
+  Descriptor descriptor;
+  for (std::uint64_t& word : descriptor) word = in.get<std::uint64_t>();
+  return descriptor;
+}
+
+void EpochTableWriter::add(std::uint64_t epoch) {
+  if (places_.try_emplace(epoch, static_cast<std::uint32_t>(epochs_.size())).second)
+    epochs_.push_back(epoch);
+}
+
+void EpochTableWriter::put_table(ByteWriter& out) const {
+  out.put_varint(epochs_.size());
+  for (const std::uint64_t epoch : epochs_) out.put(epoch);
+}
+
+void EpochTableWriter::put(ByteWriter& out, KeyframeId id) const {
+  out.put_varint(places_.at(id.epoch));
+  out.put_varint(id.sequence);
+}
+
+void EpochTableWriter::put(ByteWriter& out, LandmarkId id) const {
+  out.put_varint(places_.at(id.origin));
+  out.put_varint(id.number);
+}
+
+bool EpochTableReader::read(ByteReader& in) {
+  const std::uint64_t count = in.get_varint();
+  if (!in.fits(count, 8)) return false;
+  std::unordered_set<std::uint64_t> seen;
+  for (std::uint64_t i = 0; i < count; ++i) {
+    epochs_.push_back(in.get<std::uint64_t>());
+    if (!seen.insert(epochs_.back()).second) return false;
+  }
+  return in.ok();
+}
+
+KeyframeId EpochTableReader::get_keyframe(ByteReader& in) const {
+  const std::uint64_t place = in.get_varint(), sequence = in.get_varint();
+  if (!in.ok() || place >= epochs_.size() || sequence > UINT32_MAX) return {};
+  return {epochs_[place], static_cast<std::uint32_t>(sequence)};
+}
+
+LandmarkId EpochTableReader::get_landmark(ByteReader& in) const {
+  const std::uint64_t place = in.get_varint(), number = in.get_varint();
+  if (!in.ok() || place >= epochs_.size()) return {};
+  return {epochs_[place], number};
+}
+
+}  // namespace cairn::wire
