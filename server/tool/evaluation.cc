@@ -65,8 +65,13 @@ void add_relative_errors(const Matched& matched, const Sim3& truth_from_estimate
     const StampedPose& pose = matched.estimate(i);
     aligned.push_back({pose.stamp_ns, truth_from_estimate.move_pose(pose.world_from_camera)});
   }
+  if (aligned.size() < 2) return;
+  // Beyond the end the last pose would stand in for one that does not exist.
+  const std::int64_t last = aligned.back().stamp_ns;
+  const std::int64_t end = last + (last - aligned[aligned.size() - 2].stamp_ns) / 2;
   for (std::size_t i = 0; i < aligned.size(); ++i) {
     const std::int64_t wanted = aligned[i].stamp_ns + delta_ns;
+    if (wanted > end) break;
     const std::size_t j = nearest(aligned, wanted);
     if (j <= i || std::abs(aligned[j].stamp_ns - wanted) > tolerance_ns) continue;
     const Rigid3 true_motion =
