@@ -1,0 +1,181 @@
+#include "client/tracking/local_map.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/unit/client/tracking/feature_world.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint64_t kEpoch = 7;
+
+// A keyframe that makes a landmark of each of its first `own` features and matches `others`.
+KeyframePtr make_keyframe(std::uint32_t sequence, int own, std::vector<LandmarkId> others = {},
+                          const Rigid3& reference_from_camera = {}) {
+  auto k = std::make_shared<Keyframe>();
+  k->id = {kEpoch, sequence};
+  k->rig = testing::test_rig();
+  if (sequence > 0) k->reference = {kEpoch, sequence - 1};
+  k->reference_from_camera = reference_from_camera;
+  for (int i = 0; i < own + static_cast<int>(others.size()); ++i) {
+    Feature f;
+    f.x = static_cast<float>(100 + 10 * i);
+    f.y = 200;
+    f.disparity = 20;
+    k->features.points.push_back(f);
+    k->features.descriptors.push_back({static_cast<std::uint64_t>(i), sequence, 0, 0});
+    const auto feature = static_cast<std::uint16_t>(i);
+    k->matches.push_back({feature, i < own ? LandmarkId::from_feature(k->id, feature)
+                                           : others[static_cast<std::size_t>(i - own)]});
+  }
+  return k;
+}
+
+LandmarkId name(std::uint32_t sequence, std::uint16_t feature) {
+  return LandmarkId::from_feature({kEpoch, sequence}, feature);
+}
+
+Rigid3 moved(double x, double y = 0, double z = 0) {
+  return {Eigen::Quaterniond::Identity(), {x, y, z}};
+}
+
+MapUpdate update_of(std::uint32_t mapped) {
+  MapUpdate u;
+  u.base_revision = 1;
+  u.revision = 2;
+  u.epoch = kEpoch;
+  u.mapped_keyframes = mapped;
+  return u;
+}
+
+TEST(LocalMap, MakesProvisionalLandmarksFromDepth) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 3), moved(1));
+  ASSERT_EQ(map.landmark_count(), 3u);
+  const LocalLandmark* l = map.find(name(0, 0));
+  ASSERT_TRUE(l);
+  // Disparity 20 px with 525 px * 0.075 m: depth 1.96875 m; x = (100 - 319.5) / 525 * depth + 1.
+  EXPECT_NEAR(l->position.z(), 1.96875, 1e-9);
+  EXPECT_NEAR(l->position.x(), (100 - 319.5) / 525 * 1.96875 + 1, 1e-9);
+}
+
+TEST(LocalMap, FindsWhatNeighbouringKeyframesSee) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 5), moved(0));
+  map.add_keyframe(make_keyframe(1, 5, {name(0, 4)}), moved(0));
+  map.add_keyframe(make_keyframe(2, 5), moved(0));  // shares nothing
+  const std::vector<LandmarkId> seen{name(0, 0), name(0, 4)};
+  EXPECT_EQ(map.around(seen, 10).size(), 10u);  // both keyframes' landmarks, each once
+  EXPECT_EQ(map.around(seen, 1).size(), 5u);
+  EXPECT_EQ(map.most_shared(seen), (KeyframeId{kEpoch, 0}));
+}
+
+TEST(LocalMap, MovesProvisionalLandmarksWithTheirKeyframe) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  const Eigen::Vector3d before = map.find(name(0, 0))->position;
+  MapUpdate u = update_of(0);
+  u.keyframes.push_back({{kEpoch, 0}, moved(0.5)});
+  map.apply(u);
+  EXPECT_NEAR((map.find(name(0, 0))->position - before - Eigen::Vector3d(0.5, 0, 0)).norm(), 0,
+              1e-12);
+}
+
+TEST(LocalMap, CarriesKeyframesThatTheServerHasNotPlacedYet) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  map.add_keyframe(make_keyframe(1, 1, {}, moved(0.1)), moved(0.1));
+  map.add_keyframe(make_keyframe(2, 1, {}, moved(0.1)), moved(0.2));
+  MapUpdate u = update_of(2);
+  u.keyframes.push_back({{kEpoch, 1}, moved(1.1)});
+  map.apply(u);
+  EXPECT_NEAR(map.pose_of({kEpoch, 0})->translation.x(), 0, 1e-12);
+  EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 1.1, 1e-12);
+  EXPECT_NEAR(map.pose_of({kEpoch, 2})->translation.x(), 1.2, 1e-12);
+}
+
+TEST(LocalMap, TakesTheServersPositionsAndNewLandmarks) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  MapUpdate u = update_of(1);
+  LandmarkState known;
+  known.id = name(0, 0);
+  known.position = {1, 2, 3};
+  LandmarkState made;
+  made.id = {LandmarkId::kServer, 5};
+  made.observers = {{kEpoch, 0}};
+  u.landmarks = {known, made};
+  map.apply(u);
+  EXPECT_EQ(map.find(name(0, 0))->position, Eigen::Vector3d(1, 2, 3));
+  const std::vector<LandmarkId> seen{name(0, 0)};
+  EXPECT_EQ(map.around(seen, 5).size(), 2u);
+}
+
+TEST(LocalMap, FollowsRenamingsAndForgetsWhatIsGone) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 3), moved(0));
+  MapUpdate u = update_of(1);
+  u.removed_landmarks.push_back({name(0, 0), name(0, 1)});
+  u.removed_landmarks.push_back({name(0, 2), std::nullopt});
+  map.apply(u);
+  ASSERT_TRUE(map.find(name(0, 0)));
+  EXPECT_EQ(map.find(name(0, 0))->id, name(0, 1));
+  EXPECT_FALSE(map.find(name(0, 2)));
+  EXPECT_EQ(map.landmark_count(), 1u);
+}
+
+TEST(LocalMap, IsNotTrappedByRenamingsInACircle) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 2), moved(0));
+  MapUpdate u = update_of(1);
+  u.removed_landmarks.push_back({name(0, 0), name(0, 1)});
+  u.removed_landmarks.push_back({name(0, 1), name(0, 0)});
+  u.removed_landmarks.push_back({name(0, 1), name(0, 1)});
+  map.apply(u);
+  EXPECT_TRUE(map.find(name(0, 0)));
+}
+
+TEST(LocalMap, HangsRemovedKeyframesOnTheirAnchor) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  map.add_keyframe(make_keyframe(1, 1, {}, moved(0.1)), moved(0.1));
+  map.add_keyframe(make_keyframe(2, 1, {}, moved(0.1)), moved(0.2));
+  MapUpdate u = update_of(3);
+  u.keyframes = {{{kEpoch, 0}, moved(0)}, {{kEpoch, 1}, moved(0.1)}, {{kEpoch, 2}, moved(0.2)}};
+  u.removed_keyframes.push_back({{kEpoch, 1}, {kEpoch, 2}, moved(-0.1)});
+  map.apply(u);
+  MapUpdate later = update_of(3);
+  later.keyframes = {{{kEpoch, 2}, moved(5)}};
+  map.apply(later);
+  EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 4.9, 1e-12);
+}
+
+TEST(LocalMap, ARefreshReplacesWhatTheServerSaidBefore) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  MapUpdate first = update_of(0);
+  LandmarkState made;
+  made.id = {LandmarkId::kServer, 5};
+  first.landmarks = {made};
+  map.apply(first);
+  MapUpdate refresh = update_of(0);
+  refresh.base_revision = 0;
+  map.apply(refresh);
+  EXPECT_FALSE(map.find(made.id));
+  EXPECT_TRUE(map.find(name(0, 0))) << "provisional landmarks are the client's own";
+}
+
+TEST(LocalMap, DropsTheLeastUsedLandmarksBeyondItsLimit) {
+  LocalMap map({.landmarks = 21, .keyframes_with_features = 2});
+  map.add_keyframe(make_keyframe(0, 15), moved(0));
+  map.add_keyframe(make_keyframe(1, 4), moved(0));
+  const std::vector<LandmarkId> seen{name(0, 0)};
+  map.around(seen, 1);  // uses keyframe 0's
+  map.add_keyframe(make_keyframe(2, 4), moved(0));
+  EXPECT_LE(map.landmark_count(), 21u);
+  EXPECT_TRUE(map.find(name(0, 0)));
+  EXPECT_EQ(map.recent_keyframes().size(), 2u);
+}
+
+}  // namespace
+}  // namespace cairn
