@@ -1,16 +1,16 @@
 #include "server/tool/map_command.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <fmt/format.h>
 
-#include "server/tool/map_export.h"
-#if __has_include("server/storage/map_file.h")
 #include "server/storage/map_file.h"
-#endif
+#include "server/tool/map_export.h"
 
 namespace cairn {
 namespace {
@@ -25,13 +25,17 @@ const std::map<std::string, MapFormat> kFormats = {{"tum", MapFormat::kTum},
                                                    {"colmap", MapFormat::kColmap},
                                                    {"json", MapFormat::kJson}};
 
-void print_info(const MapInfo& info) {
+void print_info(const MapInfo& info, const std::vector<ClientId>& clients) {
   std::cout << fmt::format("map          {:016x}, revision {}, {} merges and loops\n", info.id,
                            info.revision, info.merge_epoch);
   std::cout << fmt::format("keyframes    {}\n", info.keyframes);
-  for (const MapInfo::Run& run : info.runs)
-    std::cout << fmt::format("  run {:016x}: {} keyframes, {:.1f} s, {:.2f} m\n", run.epoch,
-                             run.keyframes, run.duration_s, run.path_m);
+  for (const MapInfo::Run& run : info.runs) {
+    const auto client = std::find_if(clients.begin(), clients.end(),
+                                     [&](const ClientId& c) { return c.epoch == run.epoch; });
+    std::cout << fmt::format("  {:<12} run {:016x}: {} keyframes, {:.1f} s, {:.2f} m\n",
+                             client == clients.end() ? "?" : client->name, run.epoch, run.keyframes,
+                             run.duration_s, run.path_m);
+  }
   std::cout << fmt::format("landmarks    {}, seen {:.1f} times each\n", info.landmarks,
                            info.mean_observations);
   const Eigen::Vector3d size = info.box_max - info.box_min;
@@ -41,16 +45,23 @@ void print_info(const MapInfo& info) {
                            info.reprojection_rmse, info.observations);
 }
 
-#if __has_include("server/storage/map_file.h")
-int with_map(const std::string& path, const std::function<int(const Map&)>& use) {
-  const auto map = load_map(path);
-  return map ? use(*map) : fail(map.message());
+Result<Map> load_map(MapFile& file, const std::string& path) {
+  auto map = file.load_map();
+  if (!map) return map.error();
+  if (!map->has_value())
+    return Error{ErrorCode::kNotFound, path + ": holds keyframes but no saved map yet"};
+  return std::move(**map);
 }
-#else
-int with_map(const std::string& path, const std::function<int(const Map&)>&) {
-  return fail(path + ": this build can't read map files");
+
+int run_info(const Arguments& arguments) {
+  const auto file = MapFile::open(arguments.file, MapFile::Mode::kReadOnly);
+  if (!file) return fail(file.message());
+  const auto map = load_map(**file, arguments.file);
+  if (!map) return fail(map.message());
+  const auto clients = (*file)->clients();
+  print_info(info_of(*map), clients ? *clients : std::vector<ClientId>{});
+  return kExitOk;
 }
-#endif
 
 std::string default_output(const Arguments& arguments) {
   for (const auto& [name, format] : kFormats)
@@ -61,13 +72,15 @@ std::string default_output(const Arguments& arguments) {
 }
 
 int run_export(const Arguments& arguments) {
+  const auto file = MapFile::open(arguments.file, MapFile::Mode::kReadOnly);
+  if (!file) return fail(file.message());
+  const auto map = load_map(**file, arguments.file);
+  if (!map) return fail(map.message());
   const std::string out = arguments.out.empty() ? default_output(arguments) : arguments.out;
-  return with_map(arguments.file, [&](const Map& map) {
-    const Status status = export_map(map, arguments.format, out);
-    if (!status) return fail(status.message());
-    std::cout << out << '\n';
-    return kExitOk;
-  });
+  const Status status = export_map(*map, arguments.format, out);
+  if (!status) return fail(status.message());
+  std::cout << out << '\n';
+  return kExitOk;
 }
 
 }  // namespace
@@ -79,14 +92,7 @@ void add_map_command(CLI::App& app, std::function<int()>& run) {
 
   CLI::App* info = command->add_subcommand("info", "Print what the map holds");
   info->add_option("file", arguments->file, "Map file of cairn-server")->required();
-  info->callback([arguments, &run] {
-    run = [arguments] {
-      return with_map(arguments->file, [](const Map& map) {
-        print_info(info_of(map));
-        return kExitOk;
-      });
-    };
-  });
+  info->callback([arguments, &run] { run = [arguments] { return run_info(*arguments); }; });
 
   CLI::App* exporter = command->add_subcommand("export", "Write the map in another format");
   exporter->add_option("file", arguments->file, "Map file of cairn-server")->required();
