@@ -1,0 +1,152 @@
+// Reading the estimate back.
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include "common/wire/bytes.h"
+#include "server/storage/map_codec.h"
+#include "server/storage/map_file_parts.h"
+
+namespace cairn {
+namespace {
+
+using sqlite::Database;
+using sqlite::Statement;
+
+KeyframeId keyframe_at(const Statement& row) {
+  return {row.unsigned_integer(0), static_cast<std::uint32_t>(row.integer(1))};
+}
+LandmarkId landmark_at(const Statement& row) {
+  return {row.unsigned_integer(0), row.unsigned_integer(1)};
+}
+
+Error corrupt(const std::string& what) {
+  return {ErrorCode::kCorrupt,
+          "the map file is damaged: " + what + "; restore a copy or name another file"};
+}
+
+// Calls `read(statement)` for each row until it returns an error.
+template <typename Read>
+Status for_each_row(Database& database, std::string_view sql, Read&& read) {
+  Statement statement(database, sql);
+  Result<bool> row = statement.step();
+  for (; row && *row; row = statement.step())
+    if (Status status = read(statement); !status) return status;
+  return row ? Status{} : Status(row.error());
+}
+
+Result<wire::DecodedKeyframe> decode(std::span<const std::uint8_t> blob, KeyframeId id) {
+  auto decoded = wire::decode_keyframe(blob);
+  if (!decoded || decoded->keyframe->id != id)
+    return corrupt(fmt::format("keyframe {:x}:{} is unreadable{}{}", id.epoch, id.sequence,
+                               decoded ? "" : ", ", decoded ? "" : decoded.message()));
+  return decoded;
+}
+
+Status load_keyframes(Database& database, Map& map) {
+  return for_each_row(database,
+                      "SELECT origin, number, data, blob FROM nodes"
+                      " LEFT JOIN keyframes ON epoch = origin AND sequence = number",
+                      [&](const Statement& row) -> Status {
+                        const KeyframeId id = keyframe_at(row);
+                        const auto decoded = decode(row.blob(3), id);
+                        if (!decoded) return decoded.error();
+                        KeyframeNode node;
+                        node.keyframe = decoded->keyframe;
+                        if (!storage::decode_node(row.blob(2), node))
+                          return corrupt("a pose is unreadable");
+                        map.keyframes.insert(id, std::move(node));
+                        return {};
+                      });
+}
+
+Status load_landmarks(Database& database, Map& map) {
+  return for_each_row(database, "SELECT origin, number, data FROM landmarks",
+                      [&](const Statement& row) -> Status {
+                        Landmark landmark;
+                        landmark.id = landmark_at(row);
+                        if (!storage::decode_landmark(row.blob(2), landmark))
+                          return corrupt("a landmark is unreadable");
+                        const LandmarkId id = landmark.id;
+                        map.landmarks.insert(id, std::move(landmark));
+                        return {};
+                      });
+}
+
+Status load_history(Database& database, Map& map) {
+  Status status = for_each_row(database, "SELECT origin, number, data FROM replaced_landmarks",
+                               [&](const Statement& row) -> Status {
+                                 wire::ByteReader in(row.blob(2));
+                                 const auto origin = in.get<std::uint64_t>();
+                                 const LandmarkId now{origin, in.get<std::uint64_t>()};
+                                 if (!in.at_end())
+                                   return corrupt("a replaced landmark is unreadable");
+                                 map.replaced_landmarks.insert(landmark_at(row), now);
+                                 return {};
+                               });
+  if (!status) return status;
+  return for_each_row(database, "SELECT origin, number, data FROM removed_keyframes",
+                      [&](const Statement& row) -> Status {
+                        KeyframeRemoval removal;
+                        if (!storage::decode_removal(row.blob(2), removal))
+                          return corrupt("a culled keyframe is unreadable");
+                        map.removed_keyframes.insert(keyframe_at(row), removal);
+                        return {};
+                      });
+}
+
+Result<bool> load_header(Database& database, Map& map) {
+  Statement row(database,
+                "SELECT id, revision, merge_epoch, keyframes_ever, next_landmark FROM map");
+  const Result<bool> found = row.step();
+  if (!found || !*found) return found;
+  map.id.value = row.unsigned_integer(0);
+  map.revision = row.unsigned_integer(1);
+  map.merge_epoch = static_cast<std::uint32_t>(row.integer(2));
+  map.keyframes_ever = row.unsigned_integer(3);
+  map.next_landmark = row.unsigned_integer(4);
+  return true;
+}
+
+}  // namespace
+
+Result<std::optional<Map>> MapFile::load_map() {
+  Parts& p = *parts_;
+  if (p.in_memory) return std::optional<Map>();
+  const std::lock_guard saving(p.save_mutex);
+  const std::lock_guard lock(p.mutex);
+  Map map;
+  const Result<bool> found = load_header(p.database, map);
+  if (!found) return found.error();
+  if (!*found) return std::optional<Map>();
+  Status status = load_keyframes(p.database, map);
+  if (status) status = load_landmarks(p.database, map);
+  if (status) status = load_history(p.database, map);
+  if (status) status = storage::connect(map);
+  if (!status) return status.error();
+  p.saved = map;
+  return std::optional<Map>(std::move(map));
+}
+
+Result<std::vector<wire::DecodedKeyframe>> MapFile::pending_keyframes() {
+  Parts& p = *parts_;
+  std::vector<wire::DecodedKeyframe> pending;
+  if (p.in_memory) return pending;
+  const std::lock_guard lock(p.mutex);
+  const Status status = for_each_row(
+      p.database,
+      "SELECT epoch, sequence, blob FROM keyframes k WHERE"
+      " NOT EXISTS (SELECT 1 FROM nodes WHERE origin = k.epoch AND number = k.sequence) AND"
+      " NOT EXISTS (SELECT 1 FROM removed_keyframes WHERE origin = k.epoch AND number = k.sequence)"
+      " ORDER BY arrival",
+      [&](const Statement& row) -> Status {
+        auto decoded = decode(row.blob(2), keyframe_at(row));
+        if (!decoded) return decoded.error();
+        pending.push_back(std::move(*decoded));
+        return {};
+      });
+  if (!status) return status.error();
+  return pending;
+}
+
+}  // namespace cairn

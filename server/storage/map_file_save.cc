@@ -1,0 +1,169 @@
+// Writing the estimate.
+#include <algorithm>
+#include <unordered_map>
+
+#include "common/util/clock.h"
+#include "common/wire/bytes.h"
+#include "server/storage/map_codec.h"
+#include "server/storage/map_file_parts.h"
+
+namespace cairn {
+namespace {
+
+using sqlite::Database;
+using sqlite::Statement;
+using storage::Blob;
+
+// Every table of the estimate has the same three columns.
+struct Row {
+  std::uint64_t origin, number;
+  Blob data;
+};
+Row row_of(KeyframeId id, Blob data) {
+  return {id.epoch, id.sequence, std::move(data)};
+}
+Row row_of(LandmarkId id, Blob data) {
+  return {id.origin, id.number, std::move(data)};
+}
+
+struct Changes {
+  std::vector<Row> written, erased;
+};
+
+// Parts that both maps share have one address and need no writing.
+template <typename Key, typename Value, typename Encode>
+Changes compare(const CowTable<Key, Value>& saved, const CowTable<Key, Value>& now,
+                Encode&& encode) {
+  Changes changes;
+  now.for_each([&](const Key& key, const Value& value) {
+    if (saved.find(key) != &value) changes.written.push_back(row_of(key, encode(value)));
+  });
+  saved.for_each([&](const Key& key, const Value&) {
+    if (!now.contains(key)) changes.erased.push_back(row_of(key, {}));
+  });
+  // In the order of the table, which is faster to write.
+  const auto by_id = [](const Row& a, const Row& b) {
+    return std::pair(static_cast<std::int64_t>(a.origin), a.number) <
+           std::pair(static_cast<std::int64_t>(b.origin), b.number);
+  };
+  std::sort(changes.written.begin(), changes.written.end(), by_id);
+  return changes;
+}
+
+struct Difference {
+  Changes nodes, landmarks, replaced, removed;
+};
+
+Difference compare_maps(const Map& saved, const Map& now) {
+  return {compare(saved.keyframes, now.keyframes, storage::encode_node),
+          compare(saved.landmarks, now.landmarks, storage::encode_landmark),
+          compare(saved.replaced_landmarks, now.replaced_landmarks,
+                  [](const LandmarkId& id) {
+                    wire::ByteWriter out(16);
+                    out.put(id.origin);
+                    out.put(id.number);
+                    return out.take();
+                  }),
+          compare(saved.removed_keyframes, now.removed_keyframes, storage::encode_removal)};
+}
+
+Status write_changes(Database& database, const std::string& table, const Changes& changes) {
+  Statement write(database, "INSERT OR REPLACE INTO " + table + " VALUES(?, ?, ?)");
+  for (const Row& row : changes.written) {
+    write.bind(1, row.origin).bind(2, row.number).bind(3, row.data);
+    if (Status status = write.run(); !status) return status;
+  }
+  Statement erase(database, "DELETE FROM " + table + " WHERE origin = ? AND number = ?");
+  for (const Row& row : changes.erased) {
+    erase.bind(1, row.origin).bind(2, row.number);
+    if (Status status = erase.run(); !status) return status;
+  }
+  return {};
+}
+
+Status write_header(Database& database, const Map& map) {
+  Statement write(database, "INSERT OR REPLACE INTO map VALUES(1, ?, ?, ?, ?, ?)");
+  write.bind(1, map.id.value)
+      .bind(2, map.revision)
+      .bind(3, map.merge_epoch)
+      .bind(4, map.keyframes_ever)
+      .bind(5, map.next_landmark);
+  return write.run();
+}
+
+Status clear_estimate(Database& database) {
+  return database.execute(
+      "DELETE FROM nodes; DELETE FROM landmarks; DELETE FROM replaced_landmarks;"
+      "DELETE FROM removed_keyframes; DELETE FROM map;");
+}
+
+Status drop_culled_blobs(Database& database, const Changes& removed, std::size_t& dropped) {
+  Statement drop(database, "DELETE FROM keyframes WHERE epoch = ? AND sequence = ?");
+  for (const Row& row : removed.written) {
+    drop.bind(1, row.origin).bind(2, row.number);
+    if (Status status = drop.run(); !status) return status;
+  }
+  dropped = removed.written.size();
+  return {};
+}
+
+// Stores the blobs of keyframes that did not come through append().
+Status store_missing_blobs(Database& database, Statement& insert, const Changes& nodes,
+                           const Map& map) {
+  Statement find(database, "SELECT 1 FROM keyframes WHERE epoch = ? AND sequence = ?");
+  Statement name(database, "SELECT name FROM clients WHERE epoch = ?");
+  for (const Row& row : nodes.written) {
+    find.bind(1, row.origin).bind(2, row.number);
+    const Result<bool> stored = find.step();
+    if (!stored) return stored.error();
+    find.reset();
+    if (*stored) continue;
+    name.bind(1, row.origin);
+    const Result<bool> known = name.step();
+    if (!known) return known.error();
+    const std::string client = *known ? name.text(0) : "unknown";
+    name.reset();
+    const KeyframeId id{row.origin, static_cast<std::uint32_t>(row.number)};
+    const auto blob = wire::encode_keyframe(client, *map.keyframes.at(id).keyframe);
+    if (!blob) return blob.error();
+    insert.bind(1, id.epoch).bind(2, id.sequence).bind(3, *blob);
+    if (Status status = insert.run(); !status) return status;
+  }
+  return {};
+}
+
+}  // namespace
+
+Result<SaveSummary> MapFile::save_map(const Map& map) {
+  Parts& p = *parts_;
+  if (p.mode == Mode::kReadOnly)
+    return {ErrorCode::kInvalidArgument, "map file opened for reading only"};
+  if (p.in_memory) return SaveSummary{};
+  const std::lock_guard saving(p.save_mutex);
+  const Stopwatch watch;
+  const bool from_scratch = !p.saved;
+  const Difference difference = compare_maps(from_scratch ? Map{} : *p.saved, map);
+  SaveSummary summary{.keyframes = difference.nodes.written.size(),
+                      .landmarks = difference.landmarks.written.size()};
+
+  const std::lock_guard lock(p.mutex);
+  const Stopwatch locked;
+  sqlite::Transaction transaction(p.database);
+  Status status = transaction.begin();
+  if (status && from_scratch) status = clear_estimate(p.database);
+  if (status) status = write_header(p.database, map);
+  if (status) status = write_changes(p.database, "nodes", difference.nodes);
+  if (status) status = write_changes(p.database, "landmarks", difference.landmarks);
+  if (status) status = write_changes(p.database, "replaced_landmarks", difference.replaced);
+  if (status) status = write_changes(p.database, "removed_keyframes", difference.removed);
+  if (status) status = store_missing_blobs(p.database, *p.insert_keyframe, difference.nodes, map);
+  if (status) status = drop_culled_blobs(p.database, difference.removed, summary.dropped_blobs);
+  if (status) status = transaction.commit();
+  if (!status) return status.error();
+  p.saved = map;
+  summary.locked_ms = locked.milliseconds();
+  summary.milliseconds = watch.milliseconds();
+  return summary;
+}
+
+}  // namespace cairn
