@@ -1,0 +1,109 @@
+// Work of several parties, served in turn: each party's items come out in their order, one at a
+// time (the next only after done()), and no party waits for more than one item of each other's.
+// Several threads may take work. Waits on conditions, never polls. All members are safe from any
+// thread.
+//
+// Unbounded: whoever feeds it must be held back by other means (the server's credits do so).
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <stop_token>
+#include <utility>
+
+namespace cairn {
+
+template <typename Party, typename Item>
+class FairQueue {
+ public:
+  struct Taken {
+    Party party;
+    Item item;
+    std::size_t behind = 0;  // items of this party that wait behind this one
+  };
+
+  void push(const Party& party, Item item) {
+    {
+      std::lock_guard lock(mutex_);
+      lanes_[party].items.push_back(std::move(item));
+      ++size_;
+    }
+    changed_.notify_all();
+  }
+
+  // Waits for an item of a party that nobody else is busy with; the caller must say done() to it.
+  // Nothing when a stop was asked for, or the queue is closed and empty.
+  std::optional<Taken> take(std::stop_token stop = {}) {
+    std::unique_lock lock(mutex_);
+    typename Lanes::iterator lane;
+    changed_.wait(lock, stop, [&] {
+      lane = next_lane();
+      return lane != lanes_.end() || (closed_ && size_ == 0);
+    });
+    if (lane == lanes_.end()) return std::nullopt;
+    Taken taken{lane->first, std::move(lane->second.items.front()), lane->second.items.size() - 1};
+    lane->second.items.pop_front();
+    lane->second.busy = true;
+    last_ = lane->first;
+    --size_;
+    return taken;
+  }
+
+  void done(const Party& party) {
+    {
+      std::lock_guard lock(mutex_);
+      const auto lane = lanes_.find(party);
+      if (lane == lanes_.end()) return;
+      lane->second.busy = false;
+      if (lane->second.items.empty()) lanes_.erase(lane);
+    }
+    changed_.notify_all();
+  }
+
+  // No more items will come: take() returns nothing once all are out.
+  void close() {
+    {
+      std::lock_guard lock(mutex_);
+      closed_ = true;
+    }
+    changed_.notify_all();
+  }
+
+  std::size_t size() const {
+    std::lock_guard lock(mutex_);
+    return size_;
+  }
+
+ private:
+  struct Lane {
+    std::deque<Item> items;
+    bool busy = false;
+  };
+  using Lanes = std::map<Party, Lane>;
+
+  // The first lane after the one served last, in a circle, that has an item and is not busy.
+  typename Lanes::iterator next_lane() {
+    const auto ready = [](const auto& lane) {
+      return !lane.second.busy && !lane.second.items.empty();
+    };
+    const auto start = last_ ? lanes_.upper_bound(*last_) : lanes_.begin();
+    for (auto lane = start; lane != lanes_.end(); ++lane)
+      if (ready(*lane)) return lane;
+    for (auto lane = lanes_.begin(); lane != start; ++lane)
+      if (ready(*lane)) return lane;
+    return lanes_.end();
+  }
+
+  mutable std::mutex mutex_;
+  std::condition_variable_any changed_;
+  Lanes lanes_;
+  std::optional<Party> last_;
+  std::size_t size_ = 0;
+  bool closed_ = false;
+};
+
+}  // namespace cairn

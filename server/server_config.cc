@@ -1,0 +1,30 @@
+#include "server/server_config.h"
+
+#include "common/config/yaml_reader.h"
+
+namespace cairn {
+
+Result<ServerConfig> load_server_config(const std::string& path) {
+  Result<Section> loaded = load_yaml(path);
+  if (!loaded) return loaded.error();
+  Section root = *loaded;
+  ServerConfig config;
+  config.domain = static_cast<std::uint32_t>(root.integer_or("domain", config.domain, {0, 232}));
+  config.partition = root.text_or("partition", config.partition);
+  config.map_file = root.text_or("map_file", config.map_file);
+  config.http = root.text_or("http", config.http);
+  config.log_level = root.text_or("log_level", config.log_level);
+  config.save_every_s = root.number_or("save_every_s", config.save_every_s, {1, 86400});
+  config.queue_capacity = static_cast<std::uint32_t>(
+      root.integer_or("queue_capacity", config.queue_capacity, {1, 10000}));
+  if (auto mapping = root.optional_section("mapping")) {
+    config.mapping_threads =
+        static_cast<int>(mapping->integer_or("threads", config.mapping_threads, {1, 64}));
+    config.local_window =
+        static_cast<int>(mapping->integer_or("local_window", config.local_window, {1, 200}));
+  }
+  if (Status done = root.finish(); !done) return done.error();
+  return config;
+}
+
+}  // namespace cairn

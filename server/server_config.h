@@ -1,0 +1,28 @@
+// Everything that the server's YAML file can say. Every key has a default; config/server.yaml lists
+// them with unit and range.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/util/status.h"
+
+namespace cairn {
+
+struct ServerConfig {
+  std::uint32_t domain = 0;
+  std::string partition = "cairn";
+  std::string map_file;  // empty: the map is gone when the server ends
+  std::string http;      // ADDR:PORT of the status pages; empty: none
+  std::string log_level = "info";
+  std::uint32_t queue_capacity = 32;  // keyframes a client that may be on their way
+  int mapping_threads = 2;
+  double save_every_s = 30;
+  // Local bundle adjustment: keyframes that are solved for at once.
+  int local_window = 15;
+};
+
+// One line with file, key and line on what is wrong.
+Result<ServerConfig> load_server_config(const std::string& path);
+
+}  // namespace cairn
