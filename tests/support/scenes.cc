@@ -165,12 +165,12 @@ std::shared_ptr<const Scene> make_corridor(const std::string& name, std::uint64_
 std::shared_ptr<const Scene> make_weak(const std::string& name, std::uint64_t seed) {
   SceneBuilder b(name, seed);
   constexpr double kSide = 5.4, kHeight = 2.6;
-  b.walls(kSide, kSide, kHeight, true, 220, faint(165, 16));
-  floor_and_ceiling(b, kSide, kSide, kHeight, faint(115, 12), faint(205, 8));
+  b.walls(kSide, kSide, kHeight, true, 220, faint(165, 34));
+  floor_and_ceiling(b, kSide, kSide, kHeight, faint(115, 24), faint(205, 16));
   for (int i = 0; i < 5; ++i) {
     const double angle = 2 * kPi * (i + 0.2) / 5, side = b.random().uniform(0.3, 0.6);
     b.box({2.2 * std::cos(angle), 2.2 * std::sin(angle), 0}, {side, side, 1.2 * side},
-          b.random().uniform(0, kPi), 300, {faint(120, 22), faint(150, 20), {}});
+          b.random().uniform(0, kPi), 300, {faint(120, 40), faint(150, 36), {}});
   }
   return b.build();
 }
