@@ -1,0 +1,22 @@
+#include "common/model/features.h"
+
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+TEST(ScalePyramid, ScaleGrowsByTheFactorAndVarianceByItsSquare) {
+  const ScalePyramid pyramid{.factor = 2, .levels = 4};
+  EXPECT_DOUBLE_EQ(pyramid.scale(0), 1);
+  EXPECT_DOUBLE_EQ(pyramid.scale(3), 8);
+  EXPECT_DOUBLE_EQ(pyramid.variance(0), 1);
+  EXPECT_DOUBLE_EQ(pyramid.variance(3), 64);
+}
+
+TEST(Feature, DepthIsKnownWhenThereIsADisparity) {
+  EXPECT_FALSE(Feature{}.has_depth());
+  EXPECT_TRUE((Feature{.disparity = 0.5f}).has_depth());
+}
+
+}  // namespace
+}  // namespace cairn
