@@ -1,0 +1,63 @@
+#include "server/ingest/channel.h"
+
+#include <utility>
+#include <vector>
+
+#include "common/wire/map_update_codec.h"
+
+namespace cairn {
+
+Result<std::shared_ptr<Channel>> Channel::open(std::shared_ptr<dds::Participant> participant,
+                                               const std::string& deployment,
+                                               const std::string& client, std::uint64_t server) {
+  const std::string partition = wire::client_partition(deployment, client);
+  auto acks = wire::Writer<wire::ServerAckMessage>::create(participant, partition);
+  if (!acks) return acks.error();
+  auto updates = wire::Writer<wire::MapUpdateMessage>::create(std::move(participant), partition);
+  if (!updates) return updates.error();
+  return std::shared_ptr<Channel>(new Channel(server, std::move(*acks), std::move(*updates)));
+}
+
+std::uint64_t Channel::revision() const {
+  std::lock_guard lock(mutex_);
+  return published_ ? revision_ : 0;
+}
+
+Status Channel::acknowledge(wire::ServerAckMessage ack) {
+  ack.server = server_;
+  ack.published_revision = revision();
+  return acks_.write(ack);
+}
+
+Result<Channel::Published> Channel::publish(const ClientId& client, MapUpdate update) {
+  std::lock_guard publishing(publishing_);
+  // Only this function, under this lock, changes the revision.
+  if (!update.is_refresh()) update.base_revision = revision_;
+  update.epoch = client.epoch;
+  const std::vector<MapUpdate> parts = wire::split_map_update(update, revision_ + 1);
+  std::vector<wire::Blob> blobs;
+  for (const MapUpdate& part : parts) {
+    auto blob = wire::encode_map_update(client.name, part);
+    if (!blob) return blob.error();
+    blobs.push_back(std::move(*blob));
+  }
+  Published published;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const Status s = updates_.write({.client = client,
+                                     .server = server_,
+                                     .base_revision = parts[i].base_revision,
+                                     .revision = parts[i].revision,
+                                     .last_part = i + 1 == parts.size(),
+                                     .blob = blobs[i]});
+    // A part that was not sent leaves a gap, which the client notices.
+    std::lock_guard lock(mutex_);
+    revision_ = parts[i].revision;
+    published_ = true;
+    if (!s) return s.error();
+    ++published.parts;
+    published.bytes += blobs[i].size();
+  }
+  return published;
+}
+
+}  // namespace cairn

@@ -1,0 +1,353 @@
+#include "server/ingest/ingest.h"
+
+#include <map>
+#include <mutex>
+#include <random>
+#include <set>
+#include <utility>
+
+#include "common/dds/wait_loop.h"
+#include "common/util/log.h"
+#include "common/wire/keyframe_codec.h"
+#include "common/wire/topics.h"
+#include "server/ingest/channel.h"
+#include "server/ingest/client_table.h"
+#include "server/ingest/keyframe_queue.h"
+
+namespace cairn {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds kHeartbeat{1000};
+// Channels of names that nobody uses any more: long enough for a refusal to arrive.
+constexpr std::chrono::seconds kChannelRest{10};
+
+std::uint64_t random_instance() {
+  std::random_device device;
+  const std::uint64_t high = device(), low = device();
+  const std::uint64_t value = high << 32 | low;
+  return value == 0 ? 1 : value;
+}
+
+struct ChannelUse {
+  std::shared_ptr<Channel> channel;
+  Clock::time_point last_use;
+};
+
+}  // namespace
+
+struct Ingest::Parts {
+  Parts(const IngestOptions& o, Journal& journal, std::shared_ptr<dds::Participant> p,
+        wire::Reader<wire::KeyframeMessage> k, wire::Reader<wire::ClientStateMessage> c,
+        wire::Writer<wire::ServerStatusMessage> s)
+      : options(o),
+        participant(std::move(p)),
+        keyframes(std::move(k)),
+        states(std::move(c)),
+        status(std::move(s)),
+        queue(journal, o.queue_capacity, [this] { loop->wake(); }),
+        map(o.map) {}
+
+  const IngestOptions options;
+  const std::uint64_t instance = random_instance();
+  const Clock::time_point started = Clock::now();
+  std::shared_ptr<dds::Participant> participant;
+  // The loop's thread only.
+  wire::Reader<wire::KeyframeMessage> keyframes;
+  wire::Reader<wire::ClientStateMessage> states;
+  wire::Writer<wire::ServerStatusMessage> status;
+  Clock::time_point next_status{};
+
+  KeyframeQueue queue;
+
+  mutable std::mutex mutex;  // the rest
+  ClientTable table;
+  std::map<std::string, ChannelUse> channels;  // by name of the client
+  std::map<ClientId, std::uint32_t> next_sequences;
+  IngestStats counts;
+  MapId map;
+
+  std::unique_ptr<dds::WaitLoop> loop;  // last: ends before what it uses
+
+  void receive_keyframes();
+  void receive_keyframe(const wire::KeyframeMessage& message, std::set<ClientId>& touched);
+  void count(KeyframeQueue::Arrival arrival);
+  void receive_states();
+  void receive_state(const wire::ClientStateMessage& state);
+  std::shared_ptr<Channel> channel_of(const std::string& client);
+  void acknowledge(const ClientId& client);
+  void refuse(const ClientId& client, const std::string& refusal);
+  void tick();
+  void rest_channels(Clock::time_point now);
+  void send_status();
+};
+
+// ---- keyframes
+
+void Ingest::Parts::receive_keyframes() {
+  // One acknowledgement a run for all that has come.
+  std::set<ClientId> touched;
+  const Status s = keyframes.take(
+      [&](const wire::KeyframeMessage& message) { receive_keyframe(message, touched); });
+  if (!s) log::warn("{}", s.message());
+  for (const ClientId& client : touched) acknowledge(client);
+}
+
+void Ingest::Parts::receive_keyframe(const wire::KeyframeMessage& message,
+                                     std::set<ClientId>& touched) {
+  {
+    std::lock_guard lock(mutex);
+    counts.bytes_in += message.blob.size();
+    if (table.deliverer(message.client) == nullptr) {
+      ++counts.unknown_client;  // its hello is still on the way; the keyframe comes again
+      return;
+    }
+  }
+  auto decoded = wire::decode_keyframe(message.blob);
+  const bool sound = decoded && decoded->client == message.client &&
+                     decoded->keyframe->id.sequence == message.sequence;
+  if (!sound) {
+    log::warn("client {}: keyframe {} dropped: {}", message.client.name, message.sequence,
+              decoded ? "its head and its contents differ" : decoded.message());
+    std::lock_guard lock(mutex);
+    ++counts.malformed;
+    return;
+  }
+  count(queue.offer(message.client, message.oldest, std::move(decoded->keyframe), message.blob));
+  touched.insert(message.client);
+}
+
+void Ingest::Parts::count(KeyframeQueue::Arrival arrival) {
+  std::lock_guard lock(mutex);
+  switch (arrival) {
+    case KeyframeQueue::Arrival::kAccepted:
+      return;  // the queue counts these: one may release several
+    case KeyframeQueue::Arrival::kEarly:
+      ++counts.out_of_order;
+      return;
+    case KeyframeQueue::Arrival::kDuplicate:
+      ++counts.duplicates;
+      return;
+    case KeyframeQueue::Arrival::kBeyond:
+      ++counts.beyond_credits;
+      return;
+    case KeyframeQueue::Arrival::kNotJournaled:
+      return;  // the queue counts these
+  }
+}
+
+// ---- clients
+
+void Ingest::Parts::receive_states() {
+  const Status s =
+      states.take([this](const wire::ClientStateMessage& state) { receive_state(state); });
+  if (!s) log::warn("{}", s.message());
+}
+
+void Ingest::Parts::receive_state(const wire::ClientStateMessage& state) {
+  ClientTable::Answer answer;
+  std::vector<ChannelUse> closed;  // closes outside of the lock: that can take a moment
+  {
+    std::lock_guard lock(mutex);
+    answer = table.on_state(state, Clock::now());
+    if (!answer.refusal.empty()) ++counts.refused;
+    for (const auto& ended : answer.ended) {
+      if (auto node = channels.extract(ended.client.name)) closed.push_back(node.mapped());
+      for (const std::uint64_t epoch : ended.runs) next_sequences.erase({ended.client.name, epoch});
+    }
+  }
+  for (const auto& ended : answer.ended)
+    for (const std::uint64_t epoch : ended.runs) queue.forget({ended.client.name, epoch});
+  if (!answer.refusal.empty()) return refuse(state.client, answer.refusal);
+  if (!state.leaving) acknowledge(state.client);
+  for (const ClientEvent& event : answer.events) {
+    const bool joined = event.kind == ClientEvent::Kind::kJoined;
+    if (event.kind != ClientEvent::Kind::kRefresh)
+      log::info("client {} {}", event.client.name, joined ? "joined" : "left");
+    if (options.on_event) options.on_event(event);
+  }
+}
+
+std::shared_ptr<Channel> Ingest::Parts::channel_of(const std::string& client) {
+  std::lock_guard lock(mutex);
+  ChannelUse& use = channels[client];
+  use.last_use = Clock::now();
+  if (!use.channel) {
+    auto channel = Channel::open(participant, options.partition, client, instance);
+    if (!channel) {
+      log::error("{}", channel.message());
+      channels.erase(client);
+      return nullptr;
+    }
+    use.channel = std::move(*channel);
+  }
+  return use.channel;
+}
+
+void Ingest::Parts::acknowledge(const ClientId& client) {
+  const KeyframeQueue::Window window = queue.window(client);
+  {
+    std::lock_guard lock(mutex);
+    next_sequences[client] = window.next_sequence;
+  }
+  const auto channel = channel_of(client.name);
+  if (!channel) return;
+  const Status s = channel->acknowledge({.client = client,
+                                         .server = instance,
+                                         .next_sequence = window.next_sequence,
+                                         .credits = window.credits,
+                                         .published_revision = 0,
+                                         .refusal = {}});
+  if (!s) log::warn("{}", s.message());
+}
+
+void Ingest::Parts::refuse(const ClientId& client, const std::string& refusal) {
+  const auto channel = channel_of(client.name);
+  if (!channel) return;
+  wire::ServerAckMessage ack;
+  ack.client = client;
+  ack.refusal = refusal;
+  if (Status s = channel->acknowledge(std::move(ack)); !s) log::warn("{}", s.message());
+}
+
+// ---- time
+
+// Runs every second, and when a run has room again.
+void Ingest::Parts::tick() {
+  std::vector<ClientId> runs;
+  const auto now = Clock::now();
+  {
+    std::lock_guard lock(mutex);
+    for (const auto& [name, session] : table.sessions())
+      if (session.connected(now))
+        for (const std::uint64_t epoch : session.runs) runs.push_back({name, epoch});
+    rest_channels(now);
+  }
+  for (const ClientId& run : runs) acknowledge(run);
+  if (now >= next_status) send_status();
+}
+
+void Ingest::Parts::rest_channels(Clock::time_point now) {
+  std::erase_if(channels, [&](const auto& entry) {
+    return !table.sessions().contains(entry.first) && now - entry.second.last_use > kChannelRest;
+  });
+}
+
+void Ingest::Parts::send_status() {
+  next_status = Clock::now() + kHeartbeat;
+  wire::ServerStatusMessage message;
+  const auto now = Clock::now();
+  {
+    std::lock_guard lock(mutex);
+    message.map = map;
+    for (const auto& [name, session] : table.sessions()) message.clients += session.connected(now);
+  }
+  message.server = instance;
+  message.keyframes = queue.accepted();
+  message.uptime_ms = static_cast<std::uint64_t>(
+      std::chrono::duration_cast<std::chrono::milliseconds>(now - started).count());
+  message.queued_keyframes = queue.queued();
+  if (Status s = status.write(message); !s) log::warn("{}", s.message());
+}
+
+// ---- facade
+
+Ingest::Ingest(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
+Ingest::~Ingest() {
+  close();
+}
+
+Result<std::unique_ptr<Ingest>> Ingest::start(const IngestOptions& options, Journal& journal) {
+  if (options.queue_capacity == 0)
+    return Error{ErrorCode::kInvalidArgument, "ingest: queue without capacity"};
+  auto participant = dds::Participant::create({options.domain, options.dds_config});
+  if (!participant) return participant.error();
+  auto keyframes = wire::Reader<wire::KeyframeMessage>::create(*participant, options.partition);
+  if (!keyframes) return keyframes.error();
+  auto states = wire::Reader<wire::ClientStateMessage>::create(*participant, options.partition);
+  if (!states) return states.error();
+  auto status = wire::Writer<wire::ServerStatusMessage>::create(*participant, options.partition);
+  if (!status) return status.error();
+  auto parts = std::make_unique<Parts>(options, journal, *participant, std::move(*keyframes),
+                                       std::move(*states), std::move(*status));
+  Parts* p = parts.get();
+  std::vector<dds::WaitLoop::Source> sources = {
+      // Hellos first: keyframes of strangers are not taken.
+      {p->states.condition(), [p] { p->receive_states(); }},
+      {p->keyframes.condition(), [p] { p->receive_keyframes(); }}};
+  auto loop =
+      dds::WaitLoop::start(*participant, std::move(sources), kHeartbeat, [p] { p->tick(); });
+  if (!loop) return loop.error();
+  p->loop = std::move(*loop);
+  return std::unique_ptr<Ingest>(new Ingest(std::move(parts)));
+}
+
+std::optional<IncomingKeyframe> Ingest::next(std::stop_token stop) {
+  return parts_->queue.next(stop);
+}
+
+Status Ingest::publish(const ClientId& client, const MapUpdate& update) {
+  std::shared_ptr<Channel> channel;
+  {
+    std::lock_guard lock(parts_->mutex);
+    const auto it = parts_->channels.find(client.name);
+    if (parts_->table.find(client) != nullptr && it != parts_->channels.end())
+      channel = it->second.channel;
+  }
+  if (!channel) return {ErrorCode::kNotFound, "client " + client.name + " is not there any more"};
+  auto published = channel->publish(client, update);
+  if (!published) return published.error();
+  std::lock_guard lock(parts_->mutex);
+  parts_->counts.updates += published->parts;
+  parts_->counts.bytes_out += published->bytes;
+  return {};
+}
+
+std::vector<ClientInfo> Ingest::clients() const {
+  std::vector<ClientInfo> infos;
+  const auto now = Clock::now();
+  std::lock_guard lock(parts_->mutex);
+  for (const auto& [name, session] : parts_->table.sessions()) {
+    ClientInfo info{.client = session.client,
+                    .sensor = session.sensor,
+                    .connected = session.connected(now),
+                    .last_seen = session.last_seen,
+                    .queued = 0,
+                    .next_sequence = 0,
+                    .revision = 0};
+    for (const std::uint64_t epoch : session.runs)
+      info.queued += parts_->queue.queued({name, epoch});
+    if (const auto it = parts_->next_sequences.find(session.client);
+        it != parts_->next_sequences.end())
+      info.next_sequence = it->second;
+    if (const auto it = parts_->channels.find(name); it != parts_->channels.end())
+      info.revision = it->second.channel->revision();
+    infos.push_back(std::move(info));
+  }
+  return infos;
+}
+
+IngestStats Ingest::stats() const {
+  const std::uint64_t failures = parts_->queue.journal_failures();
+  const std::uint64_t accepted = parts_->queue.accepted();
+  const std::uint32_t queued = parts_->queue.queued();
+  std::lock_guard lock(parts_->mutex);
+  IngestStats stats = parts_->counts;
+  stats.accepted = accepted;
+  stats.journal_failures = failures;
+  stats.queued = queued;
+  return stats;
+}
+
+void Ingest::set_map(MapId map) {
+  std::lock_guard lock(parts_->mutex);
+  parts_->map = map;
+}
+
+void Ingest::close() {
+  parts_->loop->stop();
+  parts_->queue.close();
+}
+
+}  // namespace cairn
