@@ -317,9 +317,11 @@ Status Section::finish() const {
       if (document_->error) return *document_->error;
       if (entry.used) continue;
       std::string message = "unknown key";
-      const auto near = std::find_if(block.asked.begin(), block.asked.end(),
-                                     [&](const auto& known) { return is_near(key, known); });
-      if (near != block.asked.end()) message += "; did you mean '" + *near + "'?";
+      for (const std::string& known : block.asked) {
+        if (!is_near(key, known)) continue;
+        message += "; did you mean '" + known + "'?";
+        break;
+      }
       document_->fail(entry.line, join(block.path, key), message);
     }
   }
