@@ -1,0 +1,35 @@
+// Ground truth of synthetic runs, and how far a client's trajectory is from it.
+#pragma once
+
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "server/tool/evaluation.h"
+#include "server/tool/trajectory.h"
+#include "tests/support/synthetic_sequence.h"
+
+namespace cairn::testing {
+
+// Ground truth of all frames of a synthetic sequence.
+inline Trajectory truth_of(const synthetic::SequenceOptions& options) {
+  const auto sequence = synthetic::SyntheticSequence::make(options);
+  EXPECT_TRUE(sequence.ok());
+  Trajectory truth;
+  if (!sequence.ok()) return truth;
+  for (int i = 0; i < (*sequence)->size(); ++i)
+    truth.push_back({(*sequence)->stamp_ns(i), (*sequence)->world_from_camera(i)});
+  return truth;
+}
+
+// ATE etc. of a trajectory file, aligned without scale; a failure when it can't be had.
+inline Evaluation evaluate_file(const Trajectory& truth, const std::string& estimate_file) {
+  const Result<Trajectory> estimate = read_trajectory(estimate_file);
+  EXPECT_TRUE(estimate.ok()) << estimate.message();
+  if (!estimate.ok()) return {};
+  const Result<Evaluation> evaluation = evaluate(truth, *estimate);
+  EXPECT_TRUE(evaluation.ok()) << evaluation.message();
+  return evaluation.ok() ? *evaluation : Evaluation{};
+}
+
+}  // namespace cairn::testing

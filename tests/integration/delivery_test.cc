@@ -1,0 +1,116 @@
+// Nothing is lost: servers that are not there, end, die and come back; clients that do.
+#include <csignal>
+
+#include <gtest/gtest.h>
+
+#include "tests/integration/accuracy.h"
+#include "tests/integration/process.h"
+
+namespace cairn::testing {
+namespace {
+
+using std::chrono::seconds;
+
+// Keyframes that `cairn map info` counts as ever received.
+std::string map_info(Deployment& deployment, const std::string& map) {
+  const auto tool = deployment.tool({"map", "info", map});
+  EXPECT_EQ(tool->wait(seconds(30)), 0) << tool->err();
+  return tool->out();
+}
+
+TEST(Delivery, WithoutAServerAllKeyframesStayInTheOutboxAndGoOutWithTheNextRun) {
+  Deployment deployment;
+  const auto alone =
+      deployment.client("walker", "synth:desk?frames=60", {"--max-rate", "--no-server"});
+  ASSERT_EQ(alone->wait(seconds(60)), 3) << alone->err();
+  EXPECT_EQ(alone->reported("tracked"), 60);
+  const double kept = alone->reported("undelivered");
+  EXPECT_EQ(kept, alone->reported("keyframes"));
+  EXPECT_GE(kept, 2);
+  EXPECT_TRUE(std::filesystem::exists(deployment.file("walker.outbox")));
+
+  const auto server = deployment.server({"--map", deployment.file("map.db").string()});
+  const auto second = deployment.client("walker", "synth:desk?frames=30", {"--lockstep"});
+  ASSERT_EQ(second->wait(seconds(60)), 0) << second->err();
+  EXPECT_EQ(second->reported("undelivered"), 0);
+  EXPECT_FALSE(std::filesystem::exists(deployment.file("walker.outbox")));
+  server->signal(SIGTERM);
+  ASSERT_EQ(server->wait(seconds(30)), 0) << server->err();
+  const int all = static_cast<int>(kept + second->reported("keyframes"));
+  EXPECT_NE(map_info(deployment, deployment.file("map.db").string())
+                .find("keyframes received " + std::to_string(all)),
+            std::string::npos)
+      << map_info(deployment, deployment.file("map.db").string()) << "expected " << all;
+}
+
+TEST(Delivery, AServerThatComesLateGetsEverything) {
+  Deployment deployment;
+  const auto client = deployment.client("walker", "synth:desk?frames=90", {"--timeout", "60"});
+  ASSERT_TRUE(client->wait_for_log("waiting for the server", seconds(20)) ||
+              client->wait(seconds(2)) == std::nullopt);
+  const auto server = deployment.server();
+  ASSERT_EQ(client->wait(seconds(90)), 0) << client->err();
+  EXPECT_EQ(client->reported("undelivered"), 0);
+  EXPECT_EQ(client->reported("mapped"), client->reported("keyframes"));
+}
+
+TEST(Delivery, AKilledServerContinuesFromItsFile) {
+  Deployment deployment;
+  const std::string map = deployment.file("map.db").string();
+  auto server = deployment.server({"--map", map});
+  const std::string trajectory = deployment.file("out.tum").string();
+  const auto client = deployment.client("walker", "synth:desk?frames=180",
+                                        {"--timeout", "60", "--trajectory", trajectory});
+  ASSERT_FALSE(client->wait(seconds(2))) << client->err();
+  server->signal(SIGKILL);
+  ASSERT_EQ(server->wait(seconds(10)), 128 + SIGKILL);
+  server = deployment.server({"--map", map});
+  ASSERT_EQ(client->wait(seconds(120)), 0) << client->err();
+  EXPECT_EQ(client->reported("undelivered"), 0);
+  EXPECT_EQ(client->reported("mapped"), client->reported("keyframes"));
+  server->signal(SIGTERM);
+  ASSERT_EQ(server->wait(seconds(30)), 0) << server->err();
+  const int made = static_cast<int>(client->reported("keyframes"));
+  EXPECT_NE(map_info(deployment, map).find("keyframes received " + std::to_string(made)),
+            std::string::npos)
+      << map_info(deployment, map) << "expected " << made;
+  const Evaluation e = evaluate_file(truth_of({.scene = "desk", .frames = 180}), trajectory);
+  EXPECT_LT(e.ate.rmse, 0.02);
+}
+
+TEST(Delivery, TheOutboxOfAKilledClientIsDeliveredByTheNext) {
+  Deployment deployment;
+  const std::string map = deployment.file("map.db").string();
+  const auto killed = deployment.client("walker", "synth:desk?frames=300", {"--no-server"});
+  ASSERT_FALSE(killed->wait(seconds(3))) << killed->err();
+  killed->signal(SIGKILL);
+  ASSERT_EQ(killed->wait(seconds(10)), 128 + SIGKILL);
+  const auto server = deployment.server({"--map", map});
+  const auto next = deployment.client("walker", "synth:desk?frames=30", {"--lockstep"});
+  ASSERT_EQ(next->wait(seconds(60)), 0) << next->err();
+  EXPECT_EQ(next->reported("undelivered"), 0);
+  server->signal(SIGTERM);
+  ASSERT_EQ(server->wait(seconds(30)), 0);
+  EXPECT_NE(map_info(deployment, map).find("clients 2"), std::string::npos)
+      << map_info(deployment, map);
+}
+
+TEST(Delivery, TwoClientsAreServedAtTheSameTime) {
+  Deployment deployment;
+  const auto server = deployment.server();
+  const std::string a_file = deployment.file("a.tum").string();
+  const std::string b_file = deployment.file("b.tum").string();
+  const auto a =
+      deployment.client("a", "synth:desk?frames=90&path=0", {"--max-rate", "--trajectory", a_file});
+  const auto b =
+      deployment.client("b", "synth:desk?frames=90&path=1", {"--max-rate", "--trajectory", b_file});
+  ASSERT_EQ(a->wait(seconds(120)), 0) << a->err();
+  ASSERT_EQ(b->wait(seconds(120)), 0) << b->err();
+  const Evaluation ea = evaluate_file(truth_of({.scene = "desk", .path = 0, .frames = 90}), a_file);
+  const Evaluation eb = evaluate_file(truth_of({.scene = "desk", .path = 1, .frames = 90}), b_file);
+  EXPECT_LT(ea.ate.rmse, 0.015);
+  EXPECT_LT(eb.ate.rmse, 0.015);
+}
+
+}  // namespace
+}  // namespace cairn::testing

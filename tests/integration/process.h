@@ -1,0 +1,71 @@
+// Starts the real programs for integration tests, each test on a DDS network of its own.
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace cairn::testing {
+
+// A child process with its output in files. Killed, with SIGKILL, when this goes out of scope.
+class Process {
+ public:
+  // `environment` entries NAME=VALUE are added to our own.
+  Process(const std::string& program, const std::vector<std::string>& arguments,
+          const std::vector<std::string>& environment, const std::filesystem::path& output_stem);
+  ~Process();
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  void signal(int number);
+  // Exit code, or 128 + signal; nothing when it is still running after `timeout`.
+  std::optional<int> wait(std::chrono::seconds timeout);
+  // Waits until `text` stands in stderr; false after `timeout` or when the process has ended
+  // before.
+  bool wait_for_log(const std::string& text, std::chrono::seconds timeout);
+
+  std::string out() const;  // stdout so far
+  std::string err() const;  // stderr so far
+  // The number behind `name` in stdout, as cairn-client reports; NaN when there is none.
+  double reported(const std::string& name) const;
+
+ private:
+  bool has_ended();
+
+  std::filesystem::path out_file_, err_file_;
+  int pid_ = -1;
+  std::optional<int> exit_code_;
+};
+
+// A folder of its own and a DDS network of its own for one test; removed at the end unless the test
+// has failed.
+class Deployment {
+ public:
+  Deployment();
+  ~Deployment();
+
+  std::filesystem::path file(const std::string& name) const { return folder_ / name; }
+  // Writes a file into the folder and returns its path.
+  std::string write(const std::string& name, const std::string& text) const;
+
+  std::unique_ptr<Process> server(std::vector<std::string> arguments = {});
+  std::unique_ptr<Process> client(const std::string& name, const std::string& input,
+                                  std::vector<std::string> arguments = {},
+                                  const std::string& config = "");
+  std::unique_ptr<Process> tool(std::vector<std::string> arguments);
+
+ private:
+  std::unique_ptr<Process> start(const std::string& program, const std::string& label,
+                                 std::vector<std::string> arguments);
+  std::filesystem::path folder_;
+  std::string dds_config_;
+  int started_ = 0;
+};
+
+// Where the recordings for tests are, or nothing: $CAIRN_DATA, or shared/data beside the source.
+std::optional<std::filesystem::path> recording(const std::string& name);
+
+}  // namespace cairn::testing
