@@ -21,9 +21,9 @@ namespace cairn {
 
 struct ExtractorOptions {
   int features = 1000;  // at most that many
-  ScalePyramid pyramid;
-  FastOptions fast;
-  EntropyOptions entropy;
+  ScalePyramid pyramid = {};
+  FastOptions fast = {};
+  EntropyOptions entropy = {};
   bool describe_sharpened = true;  // descriptors too see the sharpened pixels, as in the paper
 };
 

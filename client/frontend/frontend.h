@@ -14,14 +14,14 @@
 namespace cairn {
 
 struct FrontendOptions {
-  ExtractorOptions extractor;
+  ExtractorOptions extractor = {};
   // RGB-D: baseline of the imagined second camera, metres. It sets how the weight of a depth falls
   // with distance: one pixel of disparity, as of a Kinect.
   double virtual_baseline_m = 0.075;
   double max_depth_baselines = 40;  // Rig::max_depth, in baselines
   double min_depth_baselines = 1;   // stereo: nothing nearer is looked for
   int threads = 1;                  // 2: left and right of a stereo pair at the same time
-  StereoOptions stereo;             // max_disparity 0: fx / min_depth_baselines
+  StereoOptions stereo = {};        // max_disparity 0: fx / min_depth_baselines
 };
 
 // One moment as tracking sees it.

@@ -33,7 +33,7 @@ class StereoMatcher {
  private:
   struct Matched {
     std::uint32_t feature;
-    int difference;  // sum of absolute differences of the windows
+    float difference;  // of the windows, as a share of contrast
   };
   void sort_by_row(const Pyramid& images, const Features& right);
   int best_candidate(const Feature& point, const Descriptor& descriptor,

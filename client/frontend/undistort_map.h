@@ -11,9 +11,9 @@
 
 namespace cairn {
 
-// Camera::undistort on a grid of pixels, interpolated bilinearly between them; exact where a
-// neighbour has no value. Off by less than 0.01 px with ordinary lenses. Immutable; safe to use
-// from several threads.
+// Camera::undistort on a grid of pixels, interpolated bilinearly between them. Where that would be
+// off by more than 0.01 px (at the rim of a fisheye image) or a neighbour has no value, the camera
+// itself is asked. Immutable; safe to use from several threads.
 class UndistortMap {
  public:
   explicit UndistortMap(const Camera& camera);
@@ -22,10 +22,13 @@ class UndistortMap {
   std::optional<Eigen::Vector2f> undistort(float x, float y) const;
 
  private:
+  Eigen::Vector2f& node(int column, int row);
+  void drop_curved();
+
   Camera camera_;
   bool distorts_ = false;
   int columns_ = 0, rows_ = 0;
-  std::vector<Eigen::Vector2f> nodes_;  // row by row; NaN where there is no value
+  std::vector<Eigen::Vector2f> nodes_;  // row by row; NaN where the camera is to be asked
 };
 
 }  // namespace cairn

@@ -1,0 +1,180 @@
+#include "client/frontend/extractor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "client/frontend/orient.h"
+#include "common/feature/hamming.h"
+#include "common/feature/matching.h"
+#include "tests/unit/client/frontend/images.h"
+
+namespace cairn {
+namespace {
+
+Features extract(const cv::Mat& image, const ExtractorOptions& options = {}) {
+  Features features;
+  Extractor(options).extract(image, features);
+  return features;
+}
+
+bool same(const Features& a, const Features& b) {
+  return a.descriptors == b.descriptors &&
+         std::equal(a.points.begin(), a.points.end(), b.points.begin(), b.points.end(),
+                    [](const Feature& p, const Feature& q) {
+                      return p.x == q.x && p.y == q.y && p.angle == q.angle && p.octave == q.octave;
+                    });
+}
+
+TEST(Extractor, FindsAsManyFeaturesAsAskedForOnAllLevels) {
+  const Features features = extract(test::textured_image({640, 480}, 1));
+  EXPECT_LE(features.size(), 1000u);
+  EXPECT_GT(features.size(), 900u);
+  EXPECT_EQ(features.descriptors.size(), features.size());
+  for (int level = 0; level < 8; ++level)
+    EXPECT_GT(std::count_if(features.points.begin(), features.points.end(),
+                            [&](const Feature& f) { return f.octave == level; }),
+              20);
+}
+
+TEST(Extractor, SpreadsFeaturesOverTheImage) {
+  const Features features = extract(test::textured_image({640, 480}, 1));
+  int cells[4][4] = {};
+  for (const Feature& f : features.points)
+    ++cells[static_cast<int>(f.y) / 120][static_cast<int>(f.x) / 160];
+  for (const auto& row : cells)
+    for (const int count : row) EXPECT_GT(count, 20);
+}
+
+TEST(Extractor, GivesTheSameForTheSameImageInAnyInstance) {
+  const cv::Mat image = test::textured_image({320, 240}, 2);
+  Extractor extractor({});
+  Features first, again;
+  extractor.extract(image, first);
+  extractor.extract(image, again);
+  EXPECT_TRUE(same(first, again));
+  EXPECT_TRUE(same(first, extract(image)));
+}
+
+TEST(Extractor, FollowsImagesOfAnotherSize) {
+  Extractor extractor({});
+  Features features;
+  extractor.extract(test::textured_image({640, 480}, 3), features);
+  const cv::Mat small = test::textured_image({320, 240}, 2);
+  ExtractorOptions off{.entropy = {.mode = EntropyMode::kOff}};
+  Extractor other(off);
+  other.extract(test::textured_image({640, 480}, 3), features);
+  other.extract(small, features);
+  EXPECT_TRUE(same(features, extract(small, off)));
+}
+
+TEST(Extractor, CopesWithTinyFlatAndMissingImages) {
+  EXPECT_EQ(extract(cv::Mat()).size(), 0u);
+  EXPECT_EQ(extract(cv::Mat(480, 640, CV_16UC1, cv::Scalar(7))).size(), 0u);
+  EXPECT_EQ(extract(cv::Mat(5, 7, CV_8UC1, cv::Scalar(7))).size(), 0u);
+  EXPECT_EQ(extract(cv::Mat(33, 33, CV_8UC1, cv::Scalar(7))).size(), 0u);
+  EXPECT_EQ(extract(cv::Mat(480, 640, CV_8UC1, cv::Scalar(7))).size(), 0u);
+}
+
+// FAST does not know up from down: an image turned by half a circle has its features at the
+// mirrored places, unless positions of the levels are brought to full resolution with a bias.
+TEST(Extractor, ReportsPositionsAtFullResolutionWithoutBias) {
+  const cv::Mat image = test::textured_image({640, 480}, 8);
+  cv::Mat turned;
+  cv::rotate(image, turned, cv::ROTATE_180);
+  const Features a = extract(image, {.entropy = {.mode = EntropyMode::kOff}});
+  const Features b = extract(turned, {.entropy = {.mode = EntropyMode::kOff}});
+  for (int level = 0; level < 8; ++level) {
+    const double scale = ScalePyramid().scale(level);
+    std::vector<double> dx, dy;
+    for (const Feature& p : a.points)
+      for (const Feature& q : b.points) {
+        const double x = 639 - q.x - p.x, y = 479 - q.y - p.y;
+        if (p.octave != level || q.octave != level || std::hypot(x, y) > 2 * scale) continue;
+        dx.push_back(x);
+        dy.push_back(y);
+      }
+    ASSERT_GT(dx.size(), 10u);
+    const auto mean = [](const std::vector<double>& v) {
+      return std::accumulate(v.begin(), v.end(), 0.0) / static_cast<double>(v.size());
+    };
+    EXPECT_NEAR(mean(dx), 0, 0.15 * scale) << "level " << level;
+    EXPECT_NEAR(mean(dy), 0, 0.15 * scale) << "level " << level;
+  }
+}
+
+TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
+  // Left half rich, right half weak: a checkerboard of two neighbouring grey levels.
+  cv::Mat image = test::noise_image({640, 480}, 5);
+  for (int y = 0; y < 480; ++y)
+    for (int x = 320; x < 640; ++x)
+      image.at<uchar>(y, x) = static_cast<uchar>((x / 9 + y / 9) % 2 ? 120 : 126);
+  Extractor online({});
+  Features sharpened;
+  online.extract(image, sharpened);
+  EXPECT_GT(online.stats().blocks_sharpened, online.stats().blocks / 3);
+  EXPECT_LT(online.stats().blocks_sharpened, 2 * online.stats().blocks / 3);
+  EXPECT_NEAR(online.stats().threshold, online.stats().image_entropy / 2 + 0.3, 1e-9);
+
+  Extractor off({.entropy = {.mode = EntropyMode::kOff}});
+  Features plain;
+  off.extract(image, plain);
+  EXPECT_EQ(off.stats().blocks_sharpened, 0);
+  const auto on_weak_side = [](const Features& features) {
+    return std::count_if(features.points.begin(), features.points.end(),
+                         [](const Feature& f) { return f.x > 330; });
+  };
+  EXPECT_EQ(on_weak_side(plain), 0);  // 6 grey levels are below the low FAST threshold
+  EXPECT_GT(on_weak_side(sharpened), 100);
+}
+
+TEST(Orientation, PointsToTheBrighterSide) {
+  for (const double turn : {0.0, 0.7, 2.0, 3.5, 5.9}) {
+    cv::Mat image(64, 64, CV_8UC1);
+    for (int y = 0; y < 64; ++y)
+      for (int x = 0; x < 64; ++x)
+        image.at<uchar>(y, x) = cv::saturate_cast<uchar>(
+            128 + 3 * ((x - 32) * std::cos(turn) + (y - 32) * std::sin(turn)));
+    EXPECT_NEAR(orientation(image, 32, 32), turn, 0.02);
+  }
+}
+
+// Descriptors of corners found in an image and in the image turned must match at the turned places.
+TEST(Extractor, DescribesAlikeWhateverTheRotation) {
+  const cv::Mat image = test::textured_image({480, 480}, 6, 300);
+  const Features original = extract(image);
+  for (const double degrees : {15.0, 45.0, 90.0, 200.0}) {
+    const cv::Mat turn = cv::getRotationMatrix2D({239.5f, 239.5f}, degrees, 1.0);
+    cv::Mat turned;
+    cv::warpAffine(image, turned, turn, image.size(), cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+    const Features features = extract(turned);
+    const auto matches = match_mutual(original.descriptors, features.descriptors, 60, 0.9f);
+    int correct = 0;
+    for (const FeatureMatch& m : matches) {
+      const Feature &a = original.points[m.a], &b = features.points[m.b];
+      const cv::Mat expected = turn * (cv::Mat_<double>(3, 1) << a.x, a.y, 1);
+      correct += std::hypot(expected.at<double>(0) - b.x, expected.at<double>(1) - b.y) < 6;
+    }
+    EXPECT_GT(matches.size(), 150u) << degrees;
+    EXPECT_GT(correct, 0.9 * static_cast<double>(matches.size())) << degrees;
+  }
+}
+
+TEST(BriefPattern, StaysInItsCircleAndHasNoTestTwice) {
+  for (std::size_t i = 0; i < kBriefTests; ++i) {
+    const BriefTest& t = kBriefPattern[i];
+    EXPECT_LE(t.ax * t.ax + t.ay * t.ay, kBriefRadius * kBriefRadius);
+    EXPECT_LE(t.bx * t.bx + t.by * t.by, kBriefRadius * kBriefRadius);
+    for (std::size_t j = 0; j < i; ++j) {
+      const BriefTest& o = kBriefPattern[j];
+      EXPECT_FALSE(t.ax == o.ax && t.ay == o.ay && t.bx == o.bx && t.by == o.by);
+      EXPECT_FALSE(t.ax == o.bx && t.ay == o.by && t.bx == o.ax && t.by == o.ay);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn
