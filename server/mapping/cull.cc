@@ -1,0 +1,110 @@
+#include "server/mapping/cull.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+namespace cairn {
+namespace {
+
+bool fails_trial(const Landmark& landmark, bool mono, std::uint32_t age, const CullOptions& o) {
+  if (landmark.found < o.min_found_share * landmark.visible) return true;
+  return age >= o.grace &&
+         landmark.observations.size() < (mono ? o.min_observations_mono : o.min_observations);
+}
+
+// Depth of a landmark in a keyframe is taken from the measurement: it decides what the keyframe was
+// good for. Monocular keyframes take all.
+bool is_near(const KeyframeNode& node, std::size_t feature) {
+  const Rig& rig = node.rig();
+  if (rig.sensor == Sensor::kMono) return true;
+  const Feature& f = node.features().points[feature];
+  return f.has_depth() && rig.camera.depth(f.disparity) <= rig.max_depth;
+}
+
+class Redundancy {
+ public:
+  Redundancy(const Map& map, const CullOptions& options) : map_(map), options_(options) {
+    map.keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
+      std::uint32_t& newest = newest_[id.epoch];
+      newest = std::max(newest, id.sequence);
+    });
+  }
+
+  bool may_go(KeyframeId id, const KeyframeNode& node) const {
+    return node.parent.is_valid() && id.sequence + options_.keep_newest <= newest_.at(id.epoch);
+  }
+
+  bool is_redundant(KeyframeId id, const KeyframeNode& node) const {
+    std::size_t near = 0;
+    for (std::size_t f = 0; f < node.landmarks.size(); ++f)
+      near += node.landmarks[f].is_valid() && is_near(node, f) ? 1 : 0;
+    if (near < options_.min_landmarks) return false;
+    const double tolerated = (1.0 - options_.redundant_share) * static_cast<double>(near);
+    std::size_t alone = 0;  // landmarks that need this keyframe
+    for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
+      if (!node.landmarks[f].is_valid() || !is_near(node, f)) continue;
+      if (!seen_enough(node.landmarks[f], id, node.features().points[f].octave)) ++alone;
+      if (static_cast<double>(alone) > tolerated) return false;
+    }
+    return true;
+  }
+
+  void remove(KeyframeId id) { removed_.insert(id); }
+
+ private:
+  bool seen_enough(LandmarkId landmark, KeyframeId by, int octave) const {
+    const auto& observations = map_.landmarks.at(landmark).observations;
+    if (std::ssize(observations) <= options_.enough_views) return false;
+    int views = 0;
+    for (const Observation& o : observations) {
+      if (o.keyframe == by || removed_.contains(o.keyframe)) continue;
+      const Features& features = map_.keyframes.at(o.keyframe).features();
+      // One octave of tolerance: the same distance falls to either side of a border.
+      if (features.points[o.feature].octave > octave + 1) continue;
+      if (++views >= options_.enough_views) return true;
+    }
+    return false;
+  }
+
+  const Map& map_;
+  const CullOptions& options_;
+  std::map<std::uint64_t, std::uint32_t> newest_;  // sequence by epoch
+  std::set<KeyframeId> removed_;
+};
+
+}  // namespace
+
+MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options) {
+  MapDelta delta = MapDelta::based_on(map);
+  for (std::uint32_t age = 1; age <= std::min(options.trial, newest.sequence); ++age) {
+    const KeyframeId maker{newest.epoch, newest.sequence - age};
+    const KeyframeNode* node = map.keyframes.find(maker);
+    if (!node) continue;
+    const bool mono = node->rig().sensor == Sensor::kMono;
+    for (const LandmarkId id : node->landmarks) {
+      const Landmark* landmark = map.landmarks.find(id);
+      if (landmark && landmark->reference == maker && fails_trial(*landmark, mono, age, options))
+        delta.removed_landmarks.push_back(id);
+    }
+  }
+  return delta;
+}
+
+MapDelta cull_keyframes(const Map& map, KeyframeId around, const CullOptions& options) {
+  MapDelta delta = MapDelta::based_on(map);
+  const KeyframeNode* centre = map.keyframes.find(around);
+  if (!centre) return delta;
+  Redundancy redundancy(map, options);
+  const std::size_t count = std::min(options.candidates, centre->covisible.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const KeyframeId id = centre->covisible[i].keyframe;
+    const KeyframeNode& node = map.keyframes.at(id);
+    if (!redundancy.may_go(id, node) || !redundancy.is_redundant(id, node)) continue;
+    redundancy.remove(id);
+    delta.removed_keyframes.push_back(id);
+  }
+  return delta;
+}
+
+}  // namespace cairn

@@ -1,0 +1,36 @@
+// Takes out what does the map no good: landmarks that prove unreliable soon after they were made,
+// and keyframes that say nothing which others don't.
+#pragma once
+
+#include <cstdint>
+
+#include "server/map/delta.h"
+
+namespace cairn {
+
+struct CullOptions {
+  // Landmarks are on trial while their reference keyframe is among the `trial` keyframes of its
+  // client before the new one.
+  std::uint32_t trial = 3;
+  double min_found_share = 0.25;     // of the keyframes in which it should have been found
+  std::uint32_t grace = 2;           // keyframes until it must have been seen often enough:
+  std::size_t min_observations = 2;  // with depth
+  std::size_t min_observations_mono = 3;
+
+  // A keyframe is redundant when this share of its landmarks (those nearer than max_depth, where
+  // depth is measured) is seen in `enough_views` others at the same or a finer scale.
+  double redundant_share = 0.9;
+  int enough_views = 3;
+  std::uint32_t keep_newest = 3;   // keyframes of each client that stay in any case
+  std::size_t candidates = 30;     // most covisible ones that are looked at
+  std::size_t min_landmarks = 20;  // with fewer, nothing is said about redundancy
+};
+
+// Landmarks on trial that failed it by the time of the keyframe `newest`.
+MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options = {});
+
+// Redundant keyframes among those covisible with `around`; never roots, `around` itself or the
+// newest of a client. What one removal takes away counts for the next. Deterministic.
+MapDelta cull_keyframes(const Map& map, KeyframeId around, const CullOptions& options = {});
+
+}  // namespace cairn

@@ -1,0 +1,138 @@
+#include "server/mapping/epipolar_match.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "common/feature/hamming.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kChi2Line = 3.84;  // 95 % quantile with one degree of freedom
+constexpr int kMaxOctaves = 4;      // apart
+
+// A feature of b, packed for the inner loop.
+struct Target {
+  float x, y, max_squared;
+  std::uint16_t index;
+  std::uint8_t octave;
+};
+
+struct Match {
+  FeaturePair pair;
+  int distance;
+};
+
+// The matrix that takes (x, y, 1) in pixels of a to the epipolar line in pixels of b, normals not
+// normalised.
+Eigen::Matrix3d fundamental_matrix(const KeyframeView& a, const KeyframeView& b) {
+  const Rigid3 b_from_a = b.camera_from_map * a.node->map_from_camera;
+  const Eigen::Matrix3d essential =
+      skew(b_from_a.translation) * b_from_a.rotation.toRotationMatrix();
+  const auto rays_from_pixels = [](const PinholeCamera& c) {
+    Eigen::Matrix3d m;
+    m << 1 / c.fx, 0, -c.cx / c.fx, 0, 1 / c.fy, -c.cy / c.fy, 0, 0, 1;
+    return m;
+  };
+  return rays_from_pixels(b.camera()).transpose() * essential * rays_from_pixels(a.camera());
+}
+
+// The two least distances to descriptors of features on the line; the index of the least.
+struct Search {
+  int best = 257, second = 257;
+  std::uint16_t index = 0;
+};
+
+Search search_line(const Eigen::Vector3f& line, const Feature& feature,
+                   const Descriptor& descriptor, const std::vector<Target>& targets,
+                   const std::vector<Descriptor>& descriptors) {
+  Search found;
+  for (const Target& t : targets) {
+    const float error = line.x() * t.x + line.y() * t.y + line.z();
+    if (error * error > t.max_squared) continue;
+    if (std::abs(int{t.octave} - int{feature.octave}) > kMaxOctaves) continue;
+    const int distance = hamming_distance(descriptor, descriptors[t.index]);
+    if (distance < found.best) {
+      found = {distance, found.best, t.index};
+    } else {
+      found.second = std::min(found.second, distance);
+    }
+  }
+  return found;
+}
+
+// Keeps the best match of each feature of b.
+void keep_distinct(std::vector<Match>& matches) {
+  std::sort(matches.begin(), matches.end(), [](const Match& x, const Match& y) {
+    if (x.pair.second != y.pair.second) return x.pair.second < y.pair.second;
+    if (x.distance != y.distance) return x.distance < y.distance;
+    return x.pair.first < y.pair.first;
+  });
+  matches.erase(
+      std::unique(matches.begin(), matches.end(),
+                  [](const Match& x, const Match& y) { return x.pair.second == y.pair.second; }),
+      matches.end());
+}
+
+// Right matches turn by the same angle, wrong ones by any. Keeps those near the commonest turn.
+void keep_common_turn(const KeyframeView& a, const KeyframeView& b, std::vector<Match>& matches) {
+  constexpr int kBins = 24;
+  const auto bin = [&](const Match& m) {
+    double turn = double{a.feature(m.pair.first).angle} - b.feature(m.pair.second).angle;
+    turn /= 2 * std::numbers::pi;
+    return std::min(kBins - 1, static_cast<int>((turn - std::floor(turn)) * kBins));
+  };
+  std::array<int, kBins> count{};
+  for (const Match& m : matches) ++count[static_cast<std::size_t>(bin(m))];
+  const auto around = [&](int i) {
+    return count[static_cast<std::size_t>((i + kBins - 1) % kBins)] +
+           count[static_cast<std::size_t>(i)] + count[static_cast<std::size_t>((i + 1) % kBins)];
+  };
+  int peak = 0;
+  for (int i = 1; i < kBins; ++i)
+    if (around(i) > around(peak)) peak = i;
+  std::erase_if(matches, [&](const Match& m) {
+    const int off = std::abs(bin(m) - peak);
+    return std::min(off, kBins - off) > 1;
+  });
+}
+
+}  // namespace
+
+std::vector<FeaturePair> match_on_epipolar_lines(const KeyframeView& a,
+                                                 const std::vector<std::uint16_t>& free_a,
+                                                 const KeyframeView& b,
+                                                 const std::vector<std::uint16_t>& free_b,
+                                                 const TriangulateOptions& options) {
+  std::vector<Target> targets;
+  targets.reserve(free_b.size());
+  for (const std::uint16_t i : free_b) {
+    const Feature& f = b.feature(i);
+    const double variance = b.scale(f.octave) * b.scale(f.octave);
+    targets.push_back({f.x, f.y, static_cast<float>(kChi2Line * variance), i, f.octave});
+  }
+
+  const Eigen::Matrix3d line_from_pixel = fundamental_matrix(a, b);
+  std::vector<Match> matches;
+  for (const std::uint16_t i : free_a) {
+    const Feature& f = a.feature(i);
+    Eigen::Vector3d line = line_from_pixel * Eigen::Vector3d(f.x, f.y, 1);
+    const double length = line.head<2>().norm();
+    if (!(length > 1e-12)) continue;  // both cameras stand in one place, or this is the epipole
+    line /= length;
+    const Search found = search_line(line.cast<float>(), f, a.node->features().descriptors[i],
+                                     targets, b.node->features().descriptors);
+    if (found.best <= options.max_distance && found.best < options.ratio * found.second)
+      matches.push_back({{i, found.index}, found.best});
+  }
+  keep_distinct(matches);
+  keep_common_turn(a, b, matches);
+
+  std::vector<FeaturePair> pairs;
+  for (const Match& m : matches) pairs.push_back(m.pair);
+  return pairs;
+}
+
+}  // namespace cairn

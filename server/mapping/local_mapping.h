@@ -1,0 +1,76 @@
+// What the server does with each keyframe that has arrived, step by step:
+//
+//   cull_landmarks   landmarks that failed their trial go
+//   triangulate      new landmarks with the neighbours
+//   fuse             observations and duplicates that nobody reported
+//   count_sightings  what was found where it should be
+//   solve            local bundle adjustment, poses and landmarks
+//   cull_keyframes   keyframes that say nothing new go
+//
+// Each step computes a delta from the newest snapshot, sends it to the map's writer and waits until
+// it is applied. ORB-SLAM2 (Mur-Artal and Tardos 2017, section III) describes the method.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <stop_token>
+#include <vector>
+
+#include "server/map/map_writer.h"
+#include "server/map/window.h"
+#include "server/mapping/cull.h"
+#include "server/mapping/fuse.h"
+#include "server/mapping/keyframe_view.h"
+#include "server/mapping/local_window.h"
+#include "server/mapping/triangulate.h"
+
+namespace cairn {
+
+// Solves for the free keyframes and the landmarks of the window; based on the given map. Returns
+// early, with what it has, when asked to stop.
+using LocalSolver =
+    std::function<MapDelta(const Map& map, const LocalWindow& window, std::stop_token stop)>;
+
+struct LocalMappingOptions {
+  TriangulateOptions triangulate;
+  FuseOptions fuse;
+  CullOptions cull;
+  LocalWindowOptions window;
+  std::size_t sighting_neighbours = 10;
+  // While more keyframes wait, the solver runs for this many together instead of for each.
+  std::size_t max_coalesced = 6;
+};
+
+// Milliseconds that each step took, waiting for the writer included, and what came of it.
+struct LocalMappingReport {
+  bool found = false;   // false: the map had no such keyframe, nothing was done
+  bool solved = false;  // false: left to a later keyframe
+  double cull_landmarks_ms = 0, triangulate_ms = 0, fuse_ms = 0, sightings_ms = 0;
+  double window_ms = 0, solve_ms = 0, cull_keyframes_ms = 0, total_ms = 0;
+  int landmarks_culled = 0, landmarks_made = 0, observations_added = 0, fused = 0;
+  int keyframes_culled = 0;
+};
+
+// One a map. Not thread-safe: one thread calls map_keyframe, for each keyframe in order of arrival.
+class LocalMapping {
+ public:
+  // `writer` must outlive this. Without a solver that step is left out.
+  LocalMapping(MapWriter& writer, LocalSolver solver, const LocalMappingOptions& options = {});
+
+  // `backlog`: keyframes that wait behind this one. With a stop asked for it returns after the step
+  // at hand; the map is valid at any time.
+  LocalMappingReport map_keyframe(KeyframeId id, std::size_t backlog, std::stop_token stop = {});
+
+ private:
+  DeltaSummary submit(MapDelta delta);
+  void extend(KeyframeId id, LocalMappingReport& report);
+  void solve(LocalMappingReport& report, std::stop_token stop);
+
+  MapWriter& writer_;
+  LocalSolver solver_;
+  LocalMappingOptions options_;
+  GridCache grids_;
+  std::vector<KeyframeId> unsolved_;  // arrived since the solver ran last
+};
+
+}  // namespace cairn

@@ -1,0 +1,22 @@
+// Keyframes that share a scene.
+#pragma once
+
+#include <vector>
+
+#include "server/map/map.h"
+
+namespace cairn {
+
+// The `count` most covisible keyframes, strongest first, and its parent where that is not among
+// them (the one that a keyframe without shared landmarks hangs on).
+std::vector<KeyframeId> best_covisible(const Map& map, KeyframeId id, std::size_t count);
+
+// best_covisible(first), then the best `second` of each of those, up to `limit` in all; without
+// `id` itself and without repeats.
+std::vector<KeyframeId> neighbourhood(const Map& map, KeyframeId id, std::size_t first,
+                                      std::size_t second, std::size_t limit);
+
+// All landmarks that the keyframes see, ascending, without repeats.
+std::vector<LandmarkId> landmarks_of(const Map& map, const std::vector<KeyframeId>& keyframes);
+
+}  // namespace cairn

@@ -1,0 +1,18 @@
+// How often landmarks are found where they should be.
+#pragma once
+
+#include <cstddef>
+
+#include "server/map/delta.h"
+#include "server/mapping/keyframe_view.h"
+
+namespace cairn {
+
+// For the keyframe `id`, once its matches are in: one `visible` for each landmark that it sees or,
+// of those that its `neighbours` most covisible keyframes see, should see (KeyframeView::project);
+// one `found` for each that it sees. Landmarks that refer to this keyframe itself don't count: they
+// come with one of each. Empty when the keyframe is gone.
+MapDelta count_sightings(const Map& map, KeyframeId id, GridCache& grids,
+                         std::size_t neighbours = 10);
+
+}  // namespace cairn
