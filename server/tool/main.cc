@@ -5,10 +5,7 @@
 #include "server/tool/command.h"
 #include "server/tool/eval_command.h"
 #include "server/tool/map_command.h"
-#if __has_include("server/tool/synth_command.h")
 #include "server/tool/synth_command.h"
-#define CAIRN_HAS_SYNTH
-#endif
 
 int main(int argc, char** argv) {
   CLI::App app("Cairn's toolbox: evaluate trajectories, render data, look into saved maps",
@@ -18,9 +15,7 @@ int main(int argc, char** argv) {
   std::function<int()> run;
   cairn::add_eval_command(app, run);
   cairn::add_map_command(app, run);
-#ifdef CAIRN_HAS_SYNTH
   cairn::add_synth_command(app, run);
-#endif
 
   try {
     app.parse(argc, argv);

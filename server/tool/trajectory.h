@@ -10,13 +10,13 @@
 
 namespace cairn {
 
-struct StampedPose {
+struct TrajectoryPose {
   std::int64_t stamp_ns = 0;
   Rigid3 world_from_camera;
 };
 
 // Ascending in time, no stamp twice.
-using Trajectory = std::vector<StampedPose>;
+using Trajectory = std::vector<TrajectoryPose>;
 
 // Reads a trajectory in one of three formats, told apart by what the first line of data looks like:
 // - TUM: `seconds tx ty tz qx qy qz qw`, separated by blanks
@@ -32,6 +32,6 @@ Result<Trajectory> read_trajectory(const std::string& path);
 Status write_trajectory(const std::string& path, const Trajectory& trajectory);
 
 // One line of TUM format, without the line end.
-std::string tum_line(const StampedPose& pose);
+std::string tum_line(const TrajectoryPose& pose);
 
 }  // namespace cairn
