@@ -10,7 +10,7 @@
 namespace cairn {
 
 inline constexpr int kBriefTests = 256;
-inline constexpr int kBriefRadius = 15;
+inline constexpr int kBriefRadius = 18;
 
 // The test yields 1 where the smoothed image is darker at `a` than at `b`. Pixels off the corner,
 // for an orientation of 0.

@@ -6,7 +6,7 @@
 namespace cairn {
 
 // Corners must keep this many pixels from the image's edges to be oriented and described.
-inline constexpr int kPatchBorder = 16;
+inline constexpr int kPatchBorder = 19;
 
 // Direction from (x, y) to the centroid of the grey levels within 15 pixels, radians in [0, 2 pi),
 // clockwise on the image (y down). `image` is CV_8UC1; (x, y) keeps kPatchBorder from its edges.

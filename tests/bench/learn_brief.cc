@@ -23,8 +23,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kRadius = 14;  // rounding after rotation may add almost a pixel
-constexpr int kCandidates = 60000;
+constexpr int kRadius = 17;  // rounding after rotation may add almost a pixel
+constexpr int kCandidates = 150000;
 constexpr std::size_t kPatchesPerPhoto = 40;
 constexpr double kFlipWeight = 1.0;  // cost of a flip rate of 1, in units of |mean - 0.5|
 
