@@ -1,0 +1,115 @@
+#include "server/mapping/cull.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "server/map/apply.h"
+#include "server/map/invariants.h"
+#include "tests/unit/server/synthetic_map.h"
+
+namespace cairn {
+namespace {
+
+using testing::Contains;
+using testing::IsEmpty;
+using testing::Not;
+
+Map built(const SyntheticMap& world) {
+  Map map;
+  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
+  return map;
+}
+
+KeyframeId kf(std::uint32_t sequence) {
+  return {7, sequence};
+}
+
+TEST(CullLandmarks, ThoseThatNobodyElseSawGoAfterTheirGrace) {
+  const SyntheticMap world({.keyframes = 6, .report_share = 0.6});
+  Map map = built(world);
+  const MapDelta delta = cull_landmarks(map, kf(5));
+  EXPECT_FALSE(delta.removed_landmarks.empty());
+  for (const LandmarkId id : delta.removed_landmarks) {
+    const Landmark& landmark = map.landmarks.at(id);
+    EXPECT_EQ(landmark.observations.size(), 1u);
+    EXPECT_TRUE(landmark.reference == kf(2) || landmark.reference == kf(3));
+  }
+  map.landmarks.for_each([&](LandmarkId id, const Landmark& landmark) {
+    const bool young = landmark.reference == kf(4) || landmark.reference == kf(5);
+    if (young || landmark.observations.size() >= 2) {
+      EXPECT_THAT(delta.removed_landmarks, Not(Contains(id)));
+    }
+  });
+  apply_delta(map, delta);
+  EXPECT_THAT(check_invariants(map), IsEmpty());
+}
+
+TEST(CullLandmarks, ThoseRarelyFoundGo) {
+  const SyntheticMap world({.keyframes = 3});
+  Map map = built(world);
+  std::vector<LandmarkId> of_last;
+  map.landmarks.for_each([&](LandmarkId id, const Landmark& l) {
+    if (l.reference == kf(1) && l.observations.size() > 1) of_last.push_back(id);
+  });
+  ASSERT_GE(of_last.size(), 2u);
+  MapDelta sightings = MapDelta::based_on(map);
+  sightings.sightings = {{of_last[0], 9, 1}, {of_last[1], 3, 1}};  // 2 of 10, 2 of 4
+  apply_delta(map, sightings);
+  const MapDelta delta = cull_landmarks(map, kf(2));
+  EXPECT_THAT(delta.removed_landmarks, Contains(of_last[0]));
+  EXPECT_THAT(delta.removed_landmarks, Not(Contains(of_last[1])));
+}
+
+TEST(CullKeyframes, ThoseThatSayNothingNewGoButNotTheNewestNorRoots) {
+  const SyntheticMap world({.keyframes = 14, .step = 0.01});  // hardly moves
+  Map map = built(world);
+  const MapDelta delta = cull_keyframes(map, kf(13));
+  EXPECT_GE(delta.removed_keyframes.size(), 5u);
+  for (const KeyframeId id : delta.removed_keyframes) {
+    EXPECT_NE(id, kf(0));
+    EXPECT_LE(id.sequence, 10u);
+  }
+  apply_delta(map, delta);
+  EXPECT_THAT(check_invariants(map), IsEmpty());
+  // What is left has landmarks of its own or is needed by others: nothing more goes.
+  EXPECT_THAT(cull_keyframes(map, kf(13)).removed_keyframes, IsEmpty());
+}
+
+TEST(CullKeyframes, EveryLandmarkThatWasSeenOftenStaysSo) {
+  const SyntheticMap world({.keyframes = 14, .step = 0.01});
+  Map map = built(world);
+  const Map before = map;
+  apply_delta(map, cull_keyframes(map, kf(13)));
+  int often = 0, kept = 0;
+  before.landmarks.for_each([&](LandmarkId id, const Landmark& l) {
+    if (l.observations.size() < 4) return;
+    ++often;
+    const Landmark* now = map.landmarks.find(id);
+    kept += now && now->observations.size() >= 3;
+  });
+  EXPECT_GT(often, 50);
+  EXPECT_GE(kept, often * 8 / 10);  // each removal may cost a tenth of its own
+}
+
+TEST(CullKeyframes, AKeyframeWithSightsOfItsOwnStays) {
+  const SyntheticMap world({.keyframes = 8, .step = 1.2, .length = 9.0});
+  const Map map = built(world);
+  EXPECT_THAT(cull_keyframes(map, kf(7)).removed_keyframes, IsEmpty());
+}
+
+TEST(CullKeyframes, CoarserViewsDoNotReplaceAFinerOne) {
+  const SyntheticMap world({.keyframes = 9, .step = 0.01});
+  Map map;
+  for (std::size_t k = 0; k < 9; ++k) {
+    auto keyframe = std::make_shared<Keyframe>(*world.keyframes[k]);
+    for (Feature& f : keyframe->features.points) f.octave = k == 4 ? 1 : 3;
+    apply_keyframe(map, keyframe);
+  }
+  const auto removed = cull_keyframes(map, kf(8)).removed_keyframes;
+  EXPECT_THAT(removed, Not(Contains(kf(4))));
+  EXPECT_GE(removed.size(), 2u);
+}
+
+}  // namespace
+}  // namespace cairn
