@@ -1,0 +1,230 @@
+#include "server/pipeline.h"
+
+#include <random>
+
+#include "common/util/clock.h"
+#include "common/util/log.h"
+#include "server/client_desk.h"
+#include "server/optimize/local_ba.h"
+
+namespace cairn {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::uint64_t random_id() {
+  std::random_device device;
+  std::uint64_t id = 0;
+  while (id == 0) id = (std::uint64_t{device()} << 32) | device();
+  return id;
+}
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+MapDelta solve(const Map& map, const LocalWindow& window, std::stop_token stop) {
+  LocalBaSummary summary;
+  MapDelta delta = solve_local_ba(map, window, {}, &summary, stop);
+  log::debug(
+      "local BA: {} keyframes, {} fixed, {} landmarks, {} observations, {} outliers, "
+      "{:.0f} ms: {}",
+      summary.keyframes, summary.fixed_keyframes, summary.landmarks, summary.observations,
+      summary.outliers, summary.extract_ms + summary.solve_ms, summary.message);
+  return delta;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Pipeline>> Pipeline::start(const ServerConfig& config) {
+  Result<std::unique_ptr<MapFile>> file = MapFile::open(config.map_file);
+  if (!file) return file.error();
+  Result<std::optional<Map>> loaded = (*file)->load_map();
+  if (!loaded) return loaded.error();
+  Map map;
+  if (*loaded)
+    map = std::move(**loaded);
+  else
+    map.id = {random_id()};
+  if (config.map_file.empty())
+    log::warn("no map file given (--map FILE.db): the map is gone when the server ends");
+  else
+    log::info("map {}: {} keyframes, {} landmarks", config.map_file, map.keyframes.size(),
+              map.landmarks.size());
+
+  std::unique_ptr<Pipeline> pipeline(new Pipeline(config, std::move(*file), std::move(map)));
+  if (Status s = pipeline->replay_journal(); !s) return s.error();
+  if (Status s = pipeline->start_receiving(); !s) return s.error();
+  return pipeline;
+}
+
+Pipeline::Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Map map)
+    : config_(config), file_(std::move(file)), writer_(std::move(map)) {}
+
+Pipeline::~Pipeline() {
+  if (!stopped_) (void)stop();
+}
+
+// Keyframes that were acknowledged after the map was saved last: the crash cost their mapping only.
+Status Pipeline::replay_journal() {
+  Result<std::vector<wire::DecodedKeyframe>> pending = file_->pending_keyframes();
+  if (!pending) return pending.error();
+  if (!pending->empty()) log::info("{} journaled keyframes to map again", pending->size());
+  for (wire::DecodedKeyframe& decoded : *pending)
+    insert(decoded.client, std::move(decoded.keyframe), Clock::now());
+  return {};
+}
+
+Status Pipeline::start_receiving() {
+  IngestOptions options;
+  options.domain = config_.domain;
+  options.partition = config_.partition;
+  options.queue_capacity = config_.queue_capacity;
+  options.map = writer_.snapshot()->id;
+  options.on_event = [this](const ClientEvent& event) { on_client_event(event); };
+  Result<std::unique_ptr<Ingest>> ingest = Ingest::start(options, *file_);
+  if (!ingest) return ingest.error();
+  ingest_ = std::move(*ingest);
+  if (!config_.http.empty()) {
+    StatusPages pages{[this] { return to_json(state()); },
+                      [this] { return to_prometheus(state()); }};
+    Result<std::unique_ptr<StatusServer>> http =
+        StatusServer::start(config_.http, std::move(pages));
+    if (!http) return http.error();
+    http_ = std::move(*http);
+    log::info("status at http://{}:{}/status", config_.http.substr(0, config_.http.rfind(':')),
+              http_->port());
+  }
+
+  for (int i = 0; i < config_.mapping_threads; ++i)
+    mappers_.emplace_back([this] { map_keyframes(); });
+  inserter_ = std::jthread([this] { insert_keyframes(); });
+  saver_ = std::jthread([this](std::stop_token stop) { save_now_and_then(stop); });
+  log::info("ready: domain {}, partition {}", config_.domain, config_.partition);
+  return {};
+}
+
+std::shared_ptr<ClientDesk> Pipeline::desk(const ClientId& client) {
+  LocalMappingOptions options;
+  options.window.max_free = static_cast<std::size_t>(config_.local_window);
+  std::lock_guard lock(desks_mutex_);
+  std::shared_ptr<ClientDesk>& found = desks_[client];
+  if (!found) found = std::make_shared<ClientDesk>(client, writer_, solve, options);
+  return found;
+}
+
+// On ingest's thread: must not block.
+void Pipeline::on_client_event(const ClientEvent& event) {
+  switch (event.kind) {
+    case ClientEvent::Kind::kJoined:
+    case ClientEvent::Kind::kRefresh:
+      log::info("client {} {}", event.client.name,
+                event.kind == ClientEvent::Kind::kJoined ? "joined" : "asks for a refresh");
+      desk(event.client)->wants_refresh = true;
+      jobs_.push(event.client, Job{});
+      break;
+    case ClientEvent::Kind::kLeft:
+      log::info("client {} left", event.client.name);
+      break;
+  }
+}
+
+void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_point arrived) {
+  const KeyframeId id = keyframe->id;
+  const Applied applied = writer_.submit(std::move(keyframe));
+  log::debug("keyframe {} of {}: {} matches accepted, {} landmarks made, {} matches rejected",
+             id.sequence, client.name, applied.keyframe.accepted, applied.keyframe.created,
+             applied.keyframe.rejected);
+  jobs_.push(client, Job{id, arrived});
+}
+
+void Pipeline::insert_keyframes() {
+  while (auto incoming = ingest_->next())
+    insert(incoming->client, std::move(incoming->keyframe), incoming->arrived);
+}
+
+void Pipeline::map_keyframes() {
+  while (const auto taken = jobs_.take()) {
+    const ClientId& client = taken->party;
+    const std::shared_ptr<ClientDesk> mine = desk(client);
+    const Job& job = taken->item;
+    if (job.keyframe.is_valid()) {
+      const LocalMappingReport report = mine->mapping.map_keyframe(job.keyframe, taken->behind);
+      mine->mapped_keyframes = job.keyframe.sequence + 1;
+      metrics_.mapping_ms.add(report.total_ms);
+      if (report.solved) metrics_.solving_ms.add(report.solve_ms);
+      log::debug(
+          "mapped keyframe {} of {} in {:.0f} ms (BA {:.0f}): {} made, {} fused, {} added, "
+          "{} landmarks and {} keyframes culled",
+          job.keyframe.sequence, client.name, report.total_ms, report.solve_ms,
+          report.landmarks_made, report.fused, report.observations_added, report.landmarks_culled,
+          report.keyframes_culled);
+    }
+    const auto kind = mine->wants_refresh.exchange(false) ? ClientView::Kind::kRefresh
+                                                          : ClientView::Kind::kChanges;
+    if (const auto update =
+            mine->view.difference(*writer_.snapshot(), mine->mapped_keyframes, kind)) {
+      if (Status sent = ingest_->publish(client, *update); !sent)
+        log::debug("no update to {}: {}", client.name, sent.message());
+      else if (job.keyframe.is_valid())
+        metrics_.answer_ms.add(milliseconds_since(job.arrived));
+    }
+    jobs_.done(client);
+  }
+}
+
+void Pipeline::save_now_and_then(std::stop_token stop) {
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  const auto pause = std::chrono::duration<double>(config_.save_every_s);
+  std::unique_lock lock(mutex);
+  while (!stopped.wait_for(lock, stop, pause, [&] { return stop.stop_requested(); }))
+    if (Status s = save(); !s) log::error("{}", s.message());
+}
+
+Status Pipeline::save() {
+  const Snapshot map = writer_.snapshot();
+  if (config_.map_file.empty() || map->revision == saved_revision_) return {};
+  const Result<SaveSummary> saved = file_->save_map(*map);
+  if (!saved) return saved.error();
+  saved_revision_ = map->revision;
+  log::info("saved {} keyframes and {} landmarks to {} in {:.0f} ms", map->keyframes.size(),
+            map->landmarks.size(), config_.map_file, saved->milliseconds);
+  return {};
+}
+
+Status Pipeline::stop() {
+  stopped_ = true;
+  if (ingest_) ingest_->close();
+  if (inserter_.joinable()) inserter_.join();
+  jobs_.close();
+  mappers_.clear();  // each ends when the jobs are done
+  saver_.request_stop();
+  if (saver_.joinable()) saver_.join();
+  http_.reset();
+  return save();
+}
+
+ServerState Pipeline::state() const {
+  const Snapshot map = writer_.snapshot();
+  ServerState state;
+  state.map_id = map->id.value;
+  state.map_revision = map->revision;
+  state.keyframes = map->keyframes.size();
+  state.landmarks = map->landmarks.size();
+  state.keyframes_ever = map->keyframes_ever;
+  state.awaiting_mapping = jobs_.size();
+  state.uptime_s = started_.milliseconds() / 1000;
+  state.mapping_ms_median = metrics_.mapping_ms.quantile(0.5);
+  state.mapping_ms_p95 = metrics_.mapping_ms.quantile(0.95);
+  state.solving_ms_median = metrics_.solving_ms.quantile(0.5);
+  state.answer_ms_median = metrics_.answer_ms.quantile(0.5);
+  state.answer_ms_p95 = metrics_.answer_ms.quantile(0.95);
+  if (ingest_) {
+    state.ingest = ingest_->stats();
+    state.clients = ingest_->clients();
+  }
+  return state;
+}
+
+}  // namespace cairn

@@ -1,0 +1,79 @@
+// The server in one place: keyframes in, map, corrections out.
+//
+//   ingest -> journal -> map writer -> local mapping -> map -> publish -> ingest
+//
+// Threads: ingest's own receives and journals; one takes keyframes from ingest into the map as they
+// come; `mapping_threads` map them, the clients in turn and one keyframe of a client at a time; one
+// saves the map now and then. None of them waits for a solve but the one that asked for it.
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <thread>
+#include <vector>
+
+#include "common/util/clock.h"
+#include "common/util/fair_queue.h"
+#include "common/util/status.h"
+#include "server/http/status_server.h"
+#include "server/ingest/ingest.h"
+#include "server/map/map_writer.h"
+#include "server/server_config.h"
+#include "server/server_metrics.h"
+#include "server/storage/map_file.h"
+
+namespace cairn {
+
+class ClientDesk;
+
+class Pipeline {
+ public:
+  // Opens the map file, loads what it holds, starts receiving. Errors: the file, the port or DDS is
+  // not to be had.
+  static Result<std::unique_ptr<Pipeline>> start(const ServerConfig& config);
+  ~Pipeline();
+
+  // Takes in no more, finishes what is queued, saves. The pipeline is at an end after this.
+  Status stop();
+
+  ServerState state() const;
+
+ private:
+  // A keyframe to be mapped, or (not valid) a wish for a full refresh.
+  struct Job {
+    KeyframeId keyframe;
+    std::chrono::steady_clock::time_point arrived;
+  };
+
+  Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Map map);
+  Status replay_journal();
+  Status start_receiving();
+  void on_client_event(const ClientEvent& event);
+  void insert(const ClientId& client, KeyframePtr keyframe,
+              std::chrono::steady_clock::time_point arrived);
+  void insert_keyframes();
+  void map_keyframes();
+  void save_now_and_then(std::stop_token stop);
+  Status save();
+  std::shared_ptr<ClientDesk> desk(const ClientId& client);
+
+  const ServerConfig config_;
+  std::unique_ptr<MapFile> file_;
+  MapWriter writer_;
+  std::unique_ptr<Ingest> ingest_;
+  FairQueue<ClientId, Job> jobs_;
+  ServerMetrics metrics_;
+  mutable std::mutex desks_mutex_;
+  std::map<ClientId, std::shared_ptr<ClientDesk>> desks_;  // guarded by desks_mutex_
+  std::uint64_t saved_revision_ = 0;                       // saver thread, then stop()
+  std::unique_ptr<StatusServer> http_;
+  std::jthread inserter_, saver_;
+  std::vector<std::jthread> mappers_;
+  const Stopwatch started_;
+  bool stopped_ = false;
+};
+
+}  // namespace cairn

@@ -1,0 +1,94 @@
+#include "server/server_metrics.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+namespace cairn {
+
+void RecentValues::add(double value) {
+  std::lock_guard lock(mutex_);
+  if (values_.size() < capacity_)
+    values_.push_back(value);
+  else
+    values_[next_] = value;
+  next_ = (next_ + 1) % capacity_;
+}
+
+double RecentValues::quantile(double share) const {
+  std::vector<double> sorted;
+  {
+    std::lock_guard lock(mutex_);
+    sorted = values_;
+  }
+  if (sorted.empty()) return 0;
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(sorted.size() - 1));
+  std::nth_element(sorted.begin(), sorted.begin() + at, sorted.end());
+  return sorted[static_cast<std::size_t>(at)];
+}
+
+std::string to_json(const ServerState& s) {
+  nlohmann::json json;
+  json["uptime_s"] = s.uptime_s;
+  json["map"] = {{"id", fmt::format("{:016x}", s.map_id)},
+                 {"revision", s.map_revision},
+                 {"keyframes", s.keyframes},
+                 {"keyframes_ever", s.keyframes_ever},
+                 {"landmarks", s.landmarks}};
+  json["mapping"] = {{"waiting", s.awaiting_mapping},
+                     {"ms_median", s.mapping_ms_median},
+                     {"ms_p95", s.mapping_ms_p95},
+                     {"solve_ms_median", s.solving_ms_median},
+                     {"answer_ms_median", s.answer_ms_median},
+                     {"answer_ms_p95", s.answer_ms_p95}};
+  json["ingest"] = {
+      {"accepted", s.ingest.accepted},   {"duplicates", s.ingest.duplicates},
+      {"malformed", s.ingest.malformed}, {"journal_failures", s.ingest.journal_failures},
+      {"refused", s.ingest.refused},     {"bytes_in", s.ingest.bytes_in},
+      {"bytes_out", s.ingest.bytes_out}, {"queued", s.ingest.queued}};
+  json["clients"] = nlohmann::json::array();
+  for (const ClientInfo& c : s.clients)
+    json["clients"].push_back({{"name", c.client.name},
+                               {"epoch", fmt::format("{:016x}", c.client.epoch)},
+                               {"connected", c.connected},
+                               {"queued", c.queued},
+                               {"keyframes", c.next_sequence}});
+  return json.dump(2) + "\n";
+}
+
+std::string to_prometheus(const ServerState& s) {
+  std::string text;
+  const auto add = [&](const char* type, const char* name, const char* help, double value) {
+    text += fmt::format("# HELP cairn_{0} {1}\n# TYPE cairn_{0} {2}\ncairn_{0} {3}\n", name, help,
+                        type, value);
+  };
+  const auto gauge = [&](const char* name, const char* help, auto value) {
+    add("gauge", name, help, static_cast<double>(value));
+  };
+  const auto counter = [&](const char* name, const char* help, auto value) {
+    add("counter", name, help, static_cast<double>(value));
+  };
+  gauge("uptime_seconds", "Time since the start", s.uptime_s);
+  gauge("keyframes", "Keyframes in the map", s.keyframes);
+  gauge("landmarks", "Landmarks in the map", s.landmarks);
+  gauge("awaiting_mapping", "Keyframes in the map that local mapping has not seen",
+        s.awaiting_mapping);
+  gauge("clients", "Clients known", s.clients.size());
+  gauge("mapping_ms_median", "Local mapping of one keyframe, median of the recent ones",
+        s.mapping_ms_median);
+  gauge("answer_ms_median", "From a keyframe's arrival to its corrections sent, median",
+        s.answer_ms_median);
+  gauge("answer_ms_p95", "From a keyframe's arrival to its corrections sent, 95th percentile",
+        s.answer_ms_p95);
+  counter("keyframes_accepted_total", "Keyframes journaled and acknowledged", s.ingest.accepted);
+  counter("keyframes_duplicate_total", "Keyframes that came again", s.ingest.duplicates);
+  counter("keyframes_malformed_total", "Keyframes that failed the checks", s.ingest.malformed);
+  counter("journal_failures_total", "Keyframes that could not be journaled",
+          s.ingest.journal_failures);
+  counter("received_bytes_total", "Bytes of keyframes received", s.ingest.bytes_in);
+  counter("sent_bytes_total", "Bytes of map updates sent", s.ingest.bytes_out);
+  return text;
+}
+
+}  // namespace cairn
