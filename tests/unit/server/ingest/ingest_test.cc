@@ -1,0 +1,280 @@
+// Client and server over real sockets on the loopback interface, inside one process.
+#include "server/ingest/ingest.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <mutex>
+#include <thread>
+
+#include "client/link/link.h"
+#include "tests/support/loopback.h"
+#include "tests/support/memory_journal.h"
+#include "tests/support/wire_samples.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using cairn::testing::Loopback;
+using cairn::testing::MemoryJournal;
+using cairn::testing::sample_keyframe_ptr;
+using cairn::testing::sample_update;
+
+constexpr std::uint64_t kEpoch = 0x1234567890abcdef;
+
+std::vector<std::uint32_t> up_to(std::uint32_t count) {
+  std::vector<std::uint32_t> numbers(count);
+  for (std::uint32_t i = 0; i < count; ++i) numbers[i] = i;
+  return numbers;
+}
+
+class IngestTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("cairn-ingest-" + std::to_string(getpid()) + "-" +
+               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::unique_ptr<Ingest> serve(std::uint32_t capacity = 32) {
+    const auto node = net_.node();
+    auto ingest = Ingest::start({.domain = node.domain,
+                                 .partition = "cairn",
+                                 .queue_capacity = capacity,
+                                 .map = {1},
+                                 .on_event = [this](const ClientEvent& e) { note(e); },
+                                 .dds_config = node.config},
+                                journal_);
+    EXPECT_TRUE(ingest) << (ingest ? "" : ingest.message());
+    return std::move(*ingest);
+  }
+  std::unique_ptr<Link> connect(const std::string& name = "alice", std::uint64_t epoch = kEpoch,
+                                const std::string& file = "") {
+    const auto node = net_.node();
+    LinkOptions options;
+    options.client = {name, epoch};
+    options.domain = node.domain;
+    options.outbox = outbox(file.empty() ? name : file);
+    options.dds_config = node.config;
+    auto link = Link::start(options);
+    EXPECT_TRUE(link) << (link ? "" : link.message());
+    return std::move(*link);
+  }
+  std::filesystem::path outbox(const std::string& name) const {
+    return folder_ / (name + ".outbox");
+  }
+
+  void note(const ClientEvent& event) {
+    std::lock_guard lock(mutex_);
+    events_.push_back(event);
+    changed_.notify_all();
+  }
+  bool wait_event(ClientEvent::Kind kind, const std::string& name = "alice") {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, 5s, [&] {
+      for (const auto& e : events_)
+        if (e.kind == kind && e.client.name == name) return true;
+      return false;
+    });
+  }
+  static std::vector<std::uint32_t> take(Ingest& ingest, std::uint32_t count) {
+    std::stop_source stop;
+    std::jthread watchdog([&](std::stop_token done) {
+      std::mutex m;
+      std::condition_variable_any cv;
+      std::unique_lock lock(m);
+      cv.wait_for(lock, done, 10s, [] { return false; });
+      stop.request_stop();
+    });
+    std::vector<std::uint32_t> sequences;
+    while (sequences.size() < count) {
+      const auto incoming = ingest.next(stop.get_token());
+      if (!incoming) break;
+      sequences.push_back(incoming->keyframe->id.sequence);
+    }
+    return sequences;
+  }
+
+  Loopback net_;
+  MemoryJournal journal_;
+  std::filesystem::path folder_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<ClientEvent> events_;
+};
+
+TEST_F(IngestTest, KeyframesArriveInOrderAndLeaveTheOutbox) {
+  auto ingest = serve();
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 50; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  EXPECT_EQ(take(*ingest, 50), up_to(50));
+  EXPECT_TRUE(link->wait_delivered(5s));
+  EXPECT_TRUE(link->stats().connected);
+  EXPECT_EQ(link->stats().keyframes_acked, 50u);
+  EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(50));
+  link->stop();
+  EXPECT_FALSE(std::filesystem::exists(outbox("alice")));
+  EXPECT_TRUE(wait_event(ClientEvent::Kind::kLeft));
+}
+
+TEST_F(IngestTest, UpdatesReachTheClientWholeAndInOrder) {
+  auto ingest = serve();
+  auto link = connect();
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  MapUpdate refresh = sample_update(kEpoch, 3000);
+  refresh.base_revision = 0;
+  ASSERT_TRUE(ingest->publish({"alice", kEpoch}, refresh));
+  const MapUpdate change = sample_update(kEpoch, 10, 2);
+  ASSERT_TRUE(ingest->publish({"alice", kEpoch}, change));
+  const auto first = link->wait_update(5s);
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(first->is_refresh());
+  EXPECT_EQ(first->landmarks.size(), 3000u);
+  const auto second = link->wait_update(5s);
+  ASSERT_TRUE(second);
+  EXPECT_EQ(second->base_revision, first->revision);
+  EXPECT_EQ(second->landmarks.size(), 10u);
+  EXPECT_EQ(link->stats().refreshes_asked, 0u);
+}
+
+TEST_F(IngestTest, ClientThatMissedTheBeginningAsksForARefresh) {
+  auto ingest = serve();
+  auto link = connect();
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  ASSERT_TRUE(ingest->publish({"alice", kEpoch}, sample_update(kEpoch)));
+  EXPECT_TRUE(wait_event(ClientEvent::Kind::kRefresh));
+  EXPECT_FALSE(link->poll_update());
+}
+
+TEST_F(IngestTest, UpdatesForAnUnknownClientAreRefused) {
+  auto ingest = serve();
+  const Status s = ingest->publish({"nobody", 5}, sample_update(5));
+  ASSERT_FALSE(s);
+  EXPECT_EQ(s.error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(IngestTest, SlowConsumerHoldsTheClientBackAndLosesNothing) {
+  auto ingest = serve(/*capacity=*/4);
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 30; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  EXPECT_FALSE(link->wait_delivered(400ms));
+  EXPECT_LE(ingest->stats().queued, 4u);
+  EXPECT_EQ(take(*ingest, 30), up_to(30));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, KeyframesMadeBeforeTheServerStartsAreDelivered) {
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 5; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  EXPECT_FALSE(link->wait_delivered(100ms));
+  EXPECT_FALSE(link->stats().connected);
+  auto ingest = serve();
+  EXPECT_EQ(take(*ingest, 5), up_to(5));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, RestartOfTheServerNeitherLosesNorRepeats) {
+  auto ingest = serve(/*capacity=*/8);
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 40; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  const auto before = take(*ingest, 10);
+  ingest.reset();  // with journaled keyframes in its queue: those are in the journal
+  const auto journaled = journal_.sequences({"alice", kEpoch});
+  ASSERT_GE(journaled.size(), before.size());
+  ASSERT_LT(journaled.size(), 40u);
+  ingest = serve(8);
+  const auto after = take(*ingest, static_cast<std::uint32_t>(40 - journaled.size()));
+  EXPECT_EQ(after.front(), journaled.size());
+  EXPECT_TRUE(link->wait_delivered(5s));
+  EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(40));
+}
+
+TEST_F(IngestTest, ServerThatHasLostItsJournalGoesOnFromWhatTheClientHolds) {
+  auto ingest = serve();
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 5; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  ASSERT_TRUE(link->wait_delivered(5s));
+  ingest.reset();
+  MemoryJournal empty;
+  const auto node = net_.node();
+  auto fresh = Ingest::start({.domain = node.domain,
+                              .partition = "cairn",
+                              .queue_capacity = 8,
+                              .map = {1},
+                              .on_event = {},
+                              .dds_config = node.config},
+                             empty);
+  ASSERT_TRUE(fresh);
+  for (std::uint32_t i = 5; i < 8; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  EXPECT_EQ(take(**fresh, 3), (std::vector<std::uint32_t>{5, 6, 7}));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, BrokenJournalDelaysButLosesNothing) {
+  auto ingest = serve();
+  auto link = connect();
+  journal_.broken = true;
+  for (std::uint32_t i = 0; i < 5; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  EXPECT_FALSE(link->wait_delivered(300ms));
+  EXPECT_GT(ingest->stats().journal_failures, 0u);
+  EXPECT_EQ(link->stats().keyframes_in_outbox, 5u);
+  journal_.broken = false;
+  EXPECT_EQ(take(*ingest, 5), up_to(5));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, RestartedClientDeliversWhatItsFormerRunLeft) {
+  {
+    auto link = connect();
+    for (std::uint32_t i = 0; i < 3; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  }
+  ASSERT_TRUE(std::filesystem::exists(outbox("alice")));
+  auto ingest = serve();
+  auto link = connect("alice", kEpoch + 1);
+  link->send(sample_keyframe_ptr({kEpoch + 1, 0}));
+  EXPECT_EQ(take(*ingest, 4).size(), 4u);
+  EXPECT_TRUE(link->wait_delivered(5s));
+  EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(3));
+  EXPECT_EQ(journal_.sequences({"alice", kEpoch + 1}), up_to(1));
+}
+
+TEST_F(IngestTest, SecondClientOfTheSameNameDeliversNothing) {
+  auto ingest = serve();
+  auto first = connect();
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  auto second = connect("alice", 99, "other");
+  second->send(sample_keyframe_ptr({99, 0}));
+  EXPECT_FALSE(second->wait_delivered(500ms));
+  EXPECT_FALSE(second->stats().connected);
+  EXPECT_GT(ingest->stats().refused, 0u);
+  first->send(sample_keyframe_ptr({kEpoch, 0}));
+  EXPECT_TRUE(first->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, ClientsAreListed) {
+  auto ingest = serve();
+  auto alice = connect("alice", 5);
+  auto bob = connect("bob", 6);
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined, "alice"));
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined, "bob"));
+  const auto clients = ingest->clients();
+  ASSERT_EQ(clients.size(), 2u);
+  EXPECT_EQ(clients[0].client.name, "alice");
+  EXPECT_TRUE(clients[1].connected);
+}
+
+TEST_F(IngestTest, AfterCloseWhatWasTakenInIsStillHandedOut) {
+  auto ingest = serve();
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 5; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  ASSERT_TRUE(link->wait_delivered(5s));
+  ingest->close();
+  EXPECT_EQ(take(*ingest, 5), up_to(5));
+  EXPECT_FALSE(ingest->next());
+}
+
+}  // namespace
+}  // namespace cairn
