@@ -65,17 +65,21 @@ std::vector<const Landmark*> pointers(const Map& map, const std::vector<Keyframe
 
 }  // namespace
 
-MapDelta fuse(const Map& map, KeyframeId id, GridCache& grids, const FuseOptions& options) {
+MapDelta fuse(const Map& map, KeyframeId id, GridCache& grids, const FuseOptions& options,
+              FuseDirection direction) {
   MapDelta delta = MapDelta::based_on(map);
   const KeyframeNode* node = map.keyframes.find(id);
   if (!node) return delta;
   const std::vector<KeyframeId> others =
       neighbourhood(map, id, options.first, options.second, options.limit);
   Findings findings(map, delta);
-  const std::vector<const Landmark*> own = pointers(map, {id});
-  for (const KeyframeId other : others)
-    search(own, KeyframeView(map.keyframes.at(other), grids), options, findings);
-  search(pointers(map, others), KeyframeView(*node, grids), options, findings);
+  if (direction != FuseDirection::kInto) {
+    const std::vector<const Landmark*> own = pointers(map, {id});
+    for (const KeyframeId other : others)
+      search(own, KeyframeView(map.keyframes.at(other), grids), options, findings);
+  }
+  if (direction != FuseDirection::kFrom)
+    search(pointers(map, others), KeyframeView(*node, grids), options, findings);
   return delta;
 }
 

@@ -46,21 +46,30 @@ LocalMappingReport LocalMapping::map_keyframe(KeyframeId id, std::size_t backlog
   return report;
 }
 
+void LocalMapping::fuse_with_neighbours(KeyframeId id, FuseDirection direction,
+                                        LocalMappingReport& report) {
+  Stopwatch watch;
+  const DeltaSummary fused =
+      submit(fuse(*writer_.snapshot(), id, grids_, options_.fuse, direction));
+  report.observations_added += fused.observations_added;
+  report.fused += fused.fused;
+  report.fuse_ms += watch.milliseconds();
+}
+
 void LocalMapping::extend(KeyframeId id, LocalMappingReport& report) {
   Stopwatch watch;
   report.landmarks_culled =
       submit(cull_landmarks(*writer_.snapshot(), id, options_.cull)).landmarks_removed;
   report.cull_landmarks_ms = lap(watch);
 
+  fuse_with_neighbours(id, FuseDirection::kInto, report);
+  watch.reset();
   report.landmarks_made =
       submit(triangulate(*writer_.snapshot(), id, grids_, options_.triangulate)).landmarks_made;
   report.triangulate_ms = lap(watch);
 
-  const DeltaSummary fused = submit(fuse(*writer_.snapshot(), id, grids_, options_.fuse));
-  report.observations_added = fused.observations_added;
-  report.fused = fused.fused;
-  report.fuse_ms = lap(watch);
-
+  fuse_with_neighbours(id, FuseDirection::kFrom, report);
+  watch.reset();
   submit(count_sightings(*writer_.snapshot(), id, grids_, options_.sighting_neighbours));
   report.sightings_ms = lap(watch);
 }

@@ -1,14 +1,17 @@
 // What the server does with each keyframe that has arrived, step by step:
 //
 //   cull_landmarks   landmarks that failed their trial go
-//   triangulate      new landmarks with the neighbours
-//   fuse             observations and duplicates that nobody reported
+//   fuse (kInto)     landmarks of the neighbours that it sees, and nobody reported
+//   triangulate      new landmarks, from what it then still sees without knowing
+//   fuse (kFrom)     its landmarks in the neighbours
 //   count_sightings  what was found where it should be
 //   solve            local bundle adjustment, poses and landmarks
 //   cull_keyframes   keyframes that say nothing new go
 //
 // Each step computes a delta from the newest snapshot, sends it to the map's writer and waits until
-// it is applied. ORB-SLAM2 (Mur-Artal and Tardos 2017, section III) describes the method.
+// it is applied. The method is that of ORB-SLAM (Mur-Artal et al. 2015, section VI), but for the
+// search before triangulation: keyframes come from a client whose local map may lack what the
+// server has.
 #pragma once
 
 #include <cstddef>
@@ -45,7 +48,8 @@ struct LocalMappingOptions {
 struct LocalMappingReport {
   bool found = false;   // false: the map had no such keyframe, nothing was done
   bool solved = false;  // false: left to a later keyframe
-  double cull_landmarks_ms = 0, triangulate_ms = 0, fuse_ms = 0, sightings_ms = 0;
+  double cull_landmarks_ms = 0, triangulate_ms = 0, sightings_ms = 0;
+  double fuse_ms = 0;  // both directions
   double window_ms = 0, solve_ms = 0, cull_keyframes_ms = 0, total_ms = 0;
   int landmarks_culled = 0, landmarks_made = 0, observations_added = 0, fused = 0;
   int keyframes_culled = 0;
@@ -63,6 +67,7 @@ class LocalMapping {
 
  private:
   DeltaSummary submit(MapDelta delta);
+  void fuse_with_neighbours(KeyframeId id, FuseDirection direction, LocalMappingReport& report);
   void extend(KeyframeId id, LocalMappingReport& report);
   void solve(LocalMappingReport& report, std::stop_token stop);
 
