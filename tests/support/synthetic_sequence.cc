@@ -43,8 +43,9 @@ Result<std::shared_ptr<const SyntheticSequence>> SyntheticSequence::make(
     const SequenceOptions& options) {
   if (Status status = validate(options); !status.ok()) return status.error();
   auto trajectory = Trajectory::make(options.scene, options.path, options.seed);
+  if (options.path < 0) return trajectory.error();
   auto scene = make_scene(options.scene, options.seed);
-  if (!scene) return scene.error();
+  if (!scene) return scene.error();  // says which scenes there are
   if (!trajectory) return trajectory.error();
   const Camera camera = options.camera.value_or(pinhole(options));
   return std::shared_ptr<const SyntheticSequence>(

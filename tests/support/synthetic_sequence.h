@@ -31,12 +31,13 @@ struct SequenceOptions {
   double start_s = 0;  // where on the path the first frame is taken
   Sensor sensor = Sensor::kRgbd;
   int width = 640, height = 480;
-  double focal = 525;            // pixels, at 640 x 480; other sizes see the same angle
-  double baseline_m = 0.11;      // stereo
-  std::optional<Camera> camera;  // instead of the pinhole above; size and focal are then its own
+  double focal = 525;        // pixels, at 640 x 480; other sizes see the same angle
+  double baseline_m = 0.11;  // stereo
+  // Instead of the pinhole above; size and focal length are then its own.
+  std::optional<Camera> camera = std::nullopt;
   // Shutter time; images are the average of `sub_exposures` moments spread over it. Unset: 20 ms
   // for the scene `turn`, else 0, no blur.
-  std::optional<double> exposure_s;
+  std::optional<double> exposure_s = std::nullopt;
   int sub_exposures = 7;
   bool noise = true;  // of the grey images
   bool depth_noise = true;
