@@ -110,6 +110,7 @@ void Uplink::run(std::stop_token stop) {
   }
   if (port_.send_state) send_state(true);
   if (outbox_->waiting().empty() && !outbox_broken_) outbox_->remove_file();
+  outbox_.reset();  // the file is free for others from here on
 }
 
 Uplink::Inbox Uplink::wait_for_work(std::stop_token stop) {
