@@ -123,8 +123,7 @@ void Extractor::emit(Features& out) {
 
     const Stopwatch orienting;
     for (const Corner& c : chosen) {
-      const cv::Point2f full =
-          pyramid_.to_full(level, {static_cast<float>(c.x), static_cast<float>(c.y)});
+      const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y));
       out.points.push_back({.x = full.x,
                             .y = full.y,
                             .angle = orientation(image, c.x, c.y),

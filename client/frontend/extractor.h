@@ -31,7 +31,7 @@ struct ExtractorOptions {
 struct ExtractorStats {
   // Milliseconds on the extractor's thread.
   double pyramid_ms = 0, entropy_ms = 0, sharpen_ms = 0, fast_ms = 0, quadtree_ms = 0;
-  double orient_ms = 0, smooth_ms = 0, describe_ms = 0;
+  double orient_ms = 0 /* and sub-pixel position */, smooth_ms = 0, describe_ms = 0;
   double total_ms = 0;
   int corners = 0;  // candidates, before the quadtree
   int blocks = 0;   // on all levels

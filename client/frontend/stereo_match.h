@@ -10,7 +10,7 @@
 namespace cairn {
 
 struct StereoOptions {
-  int max_distance = 75;  // Hamming, of 256
+  int max_distance = 85;  // Hamming, of 256
   float row_band = 2;     // pixels of the right feature's level
   int max_octave_difference = 1;
   float min_disparity = 0.1f;  // pixels: farther away depth says nothing

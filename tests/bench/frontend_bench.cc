@@ -99,6 +99,20 @@ void orient_one(benchmark::State& state) {
 }
 BENCHMARK(orient_one);
 
+void subpixel_one(benchmark::State& state) {
+  for (auto _ : state) benchmark::DoNotOptimize(subpixel_corner(g_image, 300, 200));
+}
+BENCHMARK(subpixel_one);
+
+void fast(benchmark::State& state, int low_threshold) {
+  FastDetector detector({.low_threshold = low_threshold});
+  std::vector<Corner> corners;
+  for (auto _ : state) detector.detect(g_image, kPatchBorder, corners);
+  state.counters["corners"] = static_cast<double>(corners.size());
+}
+BENCHMARK_CAPTURE(fast, two_thresholds, 7)->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(fast, high_only, 0)->Unit(benchmark::kMicrosecond);
+
 void describe_one(benchmark::State& state) {
   const Describer describer;
   float angle = 0;
