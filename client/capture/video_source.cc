@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -41,6 +42,8 @@ Result<cv::Mat> to_gray(const cv::Mat& image, const Camera& camera, const std::s
 }
 
 bool try_open(cv::VideoCapture& capture, const auto& what) {
+  // OpenCV tries one back end after the other and would print what each of them lacks.
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   try {
     return capture.open(what);
   } catch (const cv::Exception&) {
