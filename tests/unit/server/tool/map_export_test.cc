@@ -25,7 +25,8 @@ std::shared_ptr<const Rig> rig() {
 }
 
 void add_keyframe(Map& map, const std::shared_ptr<const Rig>& shared_rig, KeyframeId id, int second,
-                  const Eigen::Vector3d& position, std::vector<std::pair<float, LandmarkId>> seen) {
+                  const Eigen::Vector3d& position,
+                  const std::vector<std::pair<float, LandmarkId>>& seen) {
   auto keyframe = std::make_shared<Keyframe>();
   keyframe->id = id;
   keyframe->stamp_ns = second * 1'000'000'000LL + 250;
