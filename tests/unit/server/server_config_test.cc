@@ -1,0 +1,50 @@
+#include "server/server_config.h"
+
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::EndsWith;
+
+Result<ServerConfig> load(const std::string& text) {
+  const fs::path path =
+      fs::temp_directory_path() / ("cairn_server_" + std::to_string(getpid()) + ".yaml");
+  std::ofstream(path) << text;
+  auto config = load_server_config(path.string());
+  fs::remove(path);
+  return config;
+}
+
+TEST(ServerConfig, TheFileInTheConfigFolderShowsTheDefaults) {
+  const auto shown =
+      load_server_config((fs::path(CAIRN_SOURCE_DIR) / "config/server.yaml").string());
+  ASSERT_TRUE(shown.ok()) << shown.message();
+  const ServerConfig defaults;
+  EXPECT_EQ(shown->domain, defaults.domain);
+  EXPECT_EQ(shown->partition, defaults.partition);
+  EXPECT_EQ(shown->map_file, defaults.map_file);
+  EXPECT_EQ(shown->http, defaults.http);
+  EXPECT_EQ(shown->log_level, defaults.log_level);
+  EXPECT_EQ(shown->queue_capacity, defaults.queue_capacity);
+  EXPECT_EQ(shown->save_every_s, defaults.save_every_s);
+  EXPECT_EQ(shown->mapping_threads, defaults.mapping_threads);
+  EXPECT_EQ(shown->local_window, defaults.local_window);
+}
+
+TEST(ServerConfig, WrongValuesAndUnknownKeysNameTheirLine) {
+  EXPECT_TRUE(load("").ok());
+  EXPECT_THAT(load("domain: 233\n").message(),
+              EndsWith(":1: domain: must be from 0 to 232, is 233"));
+  EXPECT_THAT(load("mapping:\n  thread: 2\n").message(),
+              EndsWith(":2: mapping.thread: unknown key; did you mean 'threads'?"));
+}
+
+}  // namespace
+}  // namespace cairn
