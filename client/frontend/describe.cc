@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/imgproc.hpp>
 
 namespace cairn {
@@ -24,11 +25,13 @@ void smooth(const cv::Mat& in, cv::Mat& out) {
 }
 
 Describer::Describer(std::span<const BriefTest, kBriefTests> tests) {
-  offsets_.reserve(static_cast<std::size_t>(kAngles) * kPoints);
+  x_.reserve(static_cast<std::size_t>(kAngles) * kPoints);
+  y_.reserve(static_cast<std::size_t>(kAngles) * kPoints);
   for (int i = 0; i < kAngles; ++i) {
     const double angle = 2 * M_PI * i / kAngles, c = std::cos(angle), s = std::sin(angle);
     const auto add = [&](int x, int y) {
-      offsets_.push_back({rounded(c * x - s * y), rounded(s * x + c * y)});
+      x_.push_back(rounded(c * x - s * y));
+      y_.push_back(rounded(s * x + c * y));
     };
     for (const BriefTest& t : tests) add(t.ax, t.ay);
     for (const BriefTest& t : tests) add(t.bx, t.by);
@@ -37,20 +40,21 @@ Describer::Describer(std::span<const BriefTest, kBriefTests> tests) {
 
 Descriptor Describer::describe(const cv::Mat& smoothed, int x, int y, float angle) const {
   const auto step = std::lround(angle * (kAngles / static_cast<float>(2 * M_PI)));
-  const Offset* offsets = &offsets_[static_cast<std::size_t>(step & (kAngles - 1)) * kPoints];
+  const auto first = static_cast<std::size_t>(step & (kAngles - 1)) * kPoints;
   const std::uint8_t* centre = smoothed.ptr<std::uint8_t>(y) + x;
   const int stride = static_cast<int>(smoothed.step);
 
-  // Gather first, compare afterwards: the comparison then is vector code.
+  // In three loops, of which the first and the last are vector code.
+  alignas(64) std::int32_t offsets[kPoints];
+  for (std::size_t i = 0; i < kPoints; ++i) offsets[i] = y_[first + i] * stride + x_[first + i];
   alignas(64) std::uint8_t values[kPoints];
-  for (int i = 0; i < kPoints; ++i) values[i] = centre[offsets[i].y * stride + offsets[i].x];
-  Descriptor d;
-  for (std::size_t word = 0; word < d.size(); ++word) {
-    const std::uint8_t* a = values + 64 * word;
-    const std::uint8_t* b = a + kBriefTests;
-    std::uint64_t bits = 0;
-    for (int i = 0; i < 64; ++i) bits |= static_cast<std::uint64_t>(a[i] < b[i]) << i;
-    d[word] = bits;
+  for (std::size_t i = 0; i < kPoints; ++i) values[i] = centre[offsets[i]];
+  Descriptor d{};
+  for (std::size_t i = 0; i < kBriefTests; i += 16) {
+    const auto darker =
+        cv::v_load_aligned(values + i) < cv::v_load_aligned(values + kBriefTests + i);
+    const auto bits = static_cast<std::uint64_t>(cv::v_signmask(cv::v_reinterpret_as_s8(darker)));
+    d[i / 64] |= (bits & 0xffff) << (i % 64);
   }
   return d;
 }

@@ -27,11 +27,8 @@ class Describer {
   Descriptor describe(const cv::Mat& smoothed, int x, int y, float angle) const;
 
  private:
-  struct Offset {
-    std::int16_t x, y;
-  };
   // For each angle: the 256 points a, then the 256 points b.
-  std::vector<Offset> offsets_;
+  std::vector<std::int16_t> x_, y_;
 };
 
 }  // namespace cairn

@@ -4,7 +4,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
+#include <opencv2/core/hal/intrin.hpp>
 #include <opencv2/features2d.hpp>
 
 namespace cairn {
@@ -18,49 +20,67 @@ constexpr std::array<int, kCircle> kCircleX = {0, 1,  2,  3,  3,  3,  2,  1,
 constexpr std::array<int, kCircle> kCircleY = {-3, -3, -2, -1, 0, 1,  2,  3,
                                                3,  3,  2,  1,  0, -1, -2, -3};
 
-// The greatest, over all arcs of the circle, of the least contrast on the arc. `contrast` holds the
-// circle twice in a row, so that arcs need no wrapping; lengths are doubled 1, 2, 4, 8, then 9.
-int best_arc(const std::int16_t* contrast) {
+// Sixteen pixels at a time.
+using Lanes = cv::v_uint8x16;
+using Circle = std::array<Lanes, kCircle>;
+
+// The greatest, over all arcs of the circle, of the least contrast on the arc. The least of 2, 4
+// and 8 pixels in a row by doubling, then of 9.
+Lanes best_arc(const Circle& contrast) {
   static_assert(kArc == 9);
-  std::int16_t two[kCircle + 6], four[kCircle + 4], best = -256;
-  for (std::size_t i = 0; i < kCircle + 6; ++i) two[i] = std::min(contrast[i], contrast[i + 1]);
-  for (std::size_t i = 0; i < kCircle + 4; ++i) four[i] = std::min(two[i], two[i + 2]);
+  Circle two, four;
+  for (std::size_t i = 0; i < kCircle; ++i)
+    two[i] = cv::v_min(contrast[i], contrast[(i + 1) % kCircle]);
+  for (std::size_t i = 0; i < kCircle; ++i) four[i] = cv::v_min(two[i], two[(i + 2) % kCircle]);
+  Lanes best = cv::v_setzero_u8();
   for (std::size_t i = 0; i < kCircle; ++i) {
-    const std::int16_t eight = std::min(four[i], four[i + 4]);
-    best = std::max(best, std::min(eight, contrast[i + 8]));
+    const Lanes eight = cv::v_min(four[i], four[(i + 4) % kCircle]);
+    best = cv::v_max(best, cv::v_min(eight, contrast[(i + 8) % kCircle]));
   }
   return best;
 }
 
-int score_at(const std::uint8_t* centre, const std::array<std::ptrdiff_t, kCircle>& circle) {
-  alignas(64) std::int16_t brighter[2 * kCircle], darker[2 * kCircle];
-  const int level = *centre;
-  for (std::size_t i = 0; i < kCircle; ++i)
-    brighter[i] = brighter[i + kCircle] = static_cast<std::int16_t>(centre[circle[i]] - level);
-  for (std::size_t i = 0; i < 2 * kCircle; ++i) darker[i] = static_cast<std::int16_t>(-brighter[i]);
-  return std::max(best_arc(brighter), best_arc(darker));
+// Scores of sixteen pixels, given them and the circles around them. Differences stop at 0.
+Lanes scores(const Lanes& centre, const Circle& around) {
+  Circle brighter, darker;
+  for (std::size_t i = 0; i < kCircle; ++i) {
+    brighter[i] = around[i] - centre;
+    darker[i] = centre - around[i];
+  }
+  return cv::v_max(best_arc(brighter), best_arc(darker));
 }
 
-std::array<std::ptrdiff_t, kCircle> circle_offsets(const cv::Mat& image) {
-  std::array<std::ptrdiff_t, kCircle> offsets;
+// Four rows of four pixels; the first pixel is at `from`.
+Lanes load_4x4(const std::uint8_t* from, std::ptrdiff_t stride) {
+  alignas(16) std::uint8_t pixels[16];
+  for (std::ptrdiff_t r = 0; r < 4; ++r) std::memcpy(pixels + 4 * r, from + r * stride, 4);
+  return cv::v_load_aligned(pixels);
+}
+
+// Scores of the 4 x 4 pixels from `first` on.
+Lanes scores_4x4(const std::uint8_t* first, std::ptrdiff_t stride) {
+  Circle around;
   for (std::size_t i = 0; i < kCircle; ++i)
-    offsets[i] = kCircleY[i] * static_cast<std::ptrdiff_t>(image.step) + kCircleX[i];
-  return offsets;
+    around[i] = load_4x4(first + kCircleY[i] * stride + kCircleX[i], stride);
+  return scores(load_4x4(first, stride), around);
 }
 
 }  // namespace
 
 int fast_score(const cv::Mat& image, int x, int y) {
-  return score_at(image.ptr<std::uint8_t>(y) + x, circle_offsets(image));
+  Circle around;
+  for (std::size_t i = 0; i < kCircle; ++i)
+    around[i] = cv::v_setall_u8(image.at<std::uint8_t>(y + kCircleY[i], x + kCircleX[i]));
+  return scores(cv::v_setall_u8(image.at<std::uint8_t>(y, x)), around).get0();
 }
 
 cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y) {
-  const auto circle = circle_offsets(image);
+  alignas(16) std::uint8_t score[16];
+  cv::v_store_aligned(score, scores_4x4(image.ptr<std::uint8_t>(y - 1) + x - 1,
+                                        static_cast<std::ptrdiff_t>(image.step)));
   float s[3][3];
   for (int v = 0; v < 3; ++v)
-    for (int u = 0; u < 3; ++u)
-      s[v][u] =
-          static_cast<float>(score_at(image.ptr<std::uint8_t>(y + v - 1) + x + u - 1, circle));
+    for (int u = 0; u < 3; ++u) s[v][u] = score[4 * v + u];
   // s(u, v) ~ c + gx u + gy v + (hxx u^2 + 2 hxy u v + hyy v^2) / 2, fitted to nine values.
   float gx = 0, gy = 0, hxx = 0, hyy = 0;
   for (int i = 0; i < 3; ++i) {
@@ -106,14 +126,19 @@ void FastDetector::detect(const cv::Mat& level, int border, std::vector<Corner>&
   }
   // Cell i covers the pixels x with x * columns / width == i, as above.
   const auto edge = [](int i, int length, int cells) { return (i * length + cells - 1) / cells; };
-  for (int i = 0; i < columns * rows; ++i) {
-    if (occupied_[static_cast<std::size_t>(i)]) continue;
-    const int left = edge(i % columns, area.width, columns);
-    const int right = edge(i % columns + 1, area.width, columns);
-    const int top = edge(i / columns, area.height, rows);
-    const int bottom = edge(i / columns + 1, area.height, rows);
-    append(level, {area.x + left, area.y + top, right - left, bottom - top}, options_.low_threshold,
-           corners);
+  for (int row = 0; row < rows; ++row) {
+    const int top = edge(row, area.height, rows), bottom = edge(row + 1, area.height, rows);
+    const std::uint8_t* occupied = &occupied_[static_cast<std::size_t>(row * columns)];
+    for (int first = 0; first < columns; ++first) {
+      if (occupied[first]) continue;
+      int last = first;  // of the empty cells side by side: they are searched in one go
+      while (last + 1 < columns && !occupied[last + 1]) ++last;
+      const int left = edge(first, area.width, columns),
+                right = edge(last + 1, area.width, columns);
+      append(level, {area.x + left, area.y + top, right - left, bottom - top},
+             options_.low_threshold, corners);
+      first = last;
+    }
   }
 }
 

@@ -27,7 +27,7 @@ int fast_score(const cv::Mat& image, int x, int y);
 // Where between the pixels the corner at (x, y) lies: peak of the paraboloid through the scores of
 // the 3 x 3 pixels around (least squares), less than half a pixel away along each axis. Lowers the
 // distance between corresponding corners of warped photographs from 0.73 to 0.51 pixels
-// (tests/bench/descriptor_report.cc). (x, y) keeps 4 pixels from the edges.
+// (tests/bench/descriptor_report.cc). (x, y) keeps 5 pixels from the edges.
 cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y);
 
 // Used from one thread; keeps scratch memory between calls.
