@@ -18,6 +18,7 @@ struct Arguments {
   synthetic::SequenceOptions sequence;
   std::string out;
   bool stereo = false, mono = false, euroc = false, blur = false, no_noise = false;
+  bool poses_only = false;
 };
 
 std::string scenes_text() {
@@ -48,6 +49,12 @@ int run_synth(const Arguments& arguments) {
   options.threads = static_cast<int>(std::clamp(std::thread::hardware_concurrency(), 1u, 4u));
   const auto sequence = synthetic::SyntheticSequence::make(options);
   if (!sequence) return fail(sequence.message(), kExitUsage);
+  if (arguments.poses_only) {
+    const Status status = synthetic::write_ground_truth(**sequence, arguments.out);
+    if (!status) return fail(status.message());
+    std::cout << arguments.out << '\n';
+    return kExitOk;
+  }
   const auto layout =
       arguments.euroc ? synthetic::DatasetLayout::kEuroc : synthetic::DatasetLayout::kTum;
   const int total = (*sequence)->size();
@@ -71,7 +78,10 @@ void add_synth_command(CLI::App& app, std::function<int()>& run) {
   command->footer(scenes_text());
   auto& sequence = arguments->sequence;
   command->add_option("--scene", sequence.scene, "Which scene (listed below)")->required();
-  command->add_option("--out", arguments->out, "Folder to write; new or empty")->required();
+  command
+      ->add_option("--out", arguments->out,
+                   "Folder to write; new or empty (with --poses-only: file)")
+      ->required();
   command->add_option("--frames", sequence.frames, "How many frames; 0: once round the path");
   command->add_option("--path", sequence.path, "Which way through the scene: 0, 1, 2, ...");
   command->add_option("--seed", sequence.seed, "Of textures and noise")->capture_default_str();
@@ -82,6 +92,8 @@ void add_synth_command(CLI::App& app, std::function<int()>& run) {
   command->add_flag("--no-noise", arguments->no_noise, "A perfect sensor");
   command->add_flag("--euroc", arguments->euroc,
                     "EuRoC layout (with --stereo or --mono); default: TUM layout");
+  command->add_flag("--poses-only", arguments->poses_only,
+                    "Ground truth alone, in TUM format, for sequences played with synth:");
   command->callback([arguments, &run] { run = [arguments] { return run_synth(*arguments); }; });
 }
 

@@ -17,6 +17,8 @@ namespace fs = std::filesystem;
 
 constexpr double kDepthScale = 5000;  // units a metre, as in the TUM recordings
 
+constexpr const char* kPoseHeader = "# timestamp tx ty tz qx qy qz qw\n";
+
 std::string seconds_text(std::int64_t ns) {
   return fmt::format("{}.{:06}", ns / kNanosPerSecond, ns % kNanosPerSecond / 1000);
 }
@@ -84,7 +86,7 @@ Status write_tum(const SyntheticSequence& sequence, const fs::path& root,
   if (!partner.empty()) folders.push_back(partner);
   if (Status status = make_folders(root, folders); !status) return status;
   std::string list = "# timestamp filename\n", partners = list;
-  std::string poses = "# timestamp tx ty tz qx qy qz qw\n";
+  std::string poses = kPoseHeader;
   Status status = for_each_frame(sequence, progress, [&](const SyntheticFrame& frame) -> Status {
     const std::string stamp = seconds_text(frame.stamp_ns), name = stamp + ".png";
     list += stamp + " rgb/" + name + "\n";
@@ -132,7 +134,7 @@ Status write_euroc(const SyntheticSequence& sequence, const fs::path& root,
   if (sensor == Sensor::kStereo) folders.push_back("mav0/cam1/data");
   if (Status status = make_folders(root, folders); !status) return status;
   std::string list = "#timestamp [ns],filename\n";
-  std::string poses = "# timestamp tx ty tz qx qy qz qw\n";
+  std::string poses = kPoseHeader;
   std::string states =
       "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
       "q_RS_z []\n";
@@ -182,6 +184,14 @@ std::string client_config_text(const SyntheticSequence& sequence) {
     text += fmt::format("  baseline_m: {}\n", options.baseline_m);
   }
   return text;
+}
+
+Status write_ground_truth(const SyntheticSequence& sequence, const fs::path& file) {
+  std::string poses = kPoseHeader;
+  for (int i = 0; i < sequence.size(); ++i) {
+    poses += pose_line(sequence.stamp_ns(i), sequence.world_from_camera(i));
+  }
+  return write_text(file, poses);
 }
 
 Status write_dataset(const SyntheticSequence& sequence, const fs::path& folder,

@@ -24,6 +24,9 @@ using WriteProgress = std::function<bool(int written)>;
 Status write_dataset(const SyntheticSequence& sequence, const std::filesystem::path& folder,
                      DatasetLayout layout, const WriteProgress& progress = {});
 
+// groundtruth.txt alone, as `file`, for sequences that are rendered while they play.
+Status write_ground_truth(const SyntheticSequence& sequence, const std::filesystem::path& file);
+
 // The text of a client config for this camera, complete (sensor and camera keys).
 std::string client_config_text(const SyntheticSequence& sequence);
 
