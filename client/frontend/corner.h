@@ -7,7 +7,7 @@ namespace cairn {
 
 struct Corner {
   std::int16_t x = 0, y = 0;  // pixels of the level
-  std::int16_t score = 0;     // highest FAST threshold at which it is still a corner
+  std::int16_t score = 0;     // FAST score: contrast with the best arc, grey levels
 };
 
 }  // namespace cairn

@@ -2,17 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 
 #include <opencv2/core/hal/intrin.hpp>
-#include <opencv2/features2d.hpp>
 
 namespace cairn {
 namespace {
 
-constexpr int kCircleRadius = 3;
+constexpr int kLanes = 16;           // pixels in a vector
 constexpr std::size_t kCircle = 16;  // pixels
 constexpr std::size_t kArc = 9;      // of them in a row make a corner
 constexpr std::array<int, kCircle> kCircleX = {0, 1,  2,  3,  3,  3,  2,  1,
@@ -48,6 +48,39 @@ Lanes scores(const Lanes& centre, const Circle& around) {
     darker[i] = centre - around[i];
   }
   return cv::v_max(best_arc(brighter), best_arc(darker));
+}
+
+using Offsets = std::array<std::ptrdiff_t, kCircle>;
+Offsets circle_offsets(const cv::Mat& image) {
+  Offsets offsets;
+  for (std::size_t i = 0; i < kCircle; ++i)
+    offsets[i] = kCircleY[i] * static_cast<std::ptrdiff_t>(image.step) + kCircleX[i];
+  return offsets;
+}
+
+Lanes scores_16(const std::uint8_t* first, const Offsets& offsets) {
+  Circle around;
+  for (std::size_t i = 0; i < kCircle; ++i) around[i] = cv::v_load(first + offsets[i]);
+  return scores(cv::v_load(first), around);
+}
+
+// False for most pixels: an arc of nine holds two neighbours of any four that lie a quarter circle
+// apart, so both pairs of opposites must have one that stands out, on the same side.
+bool may_be_corner(const std::uint8_t* first, const Offsets& offsets, const Lanes& limit) {
+  const Lanes centre = cv::v_load(first);
+  Lanes possible = cv::v_setall_u8(255);
+  for (const std::size_t start : {0u, 2u}) {
+    const Lanes a = cv::v_load(first + offsets[start]), b = cv::v_load(first + offsets[start + 4]);
+    const Lanes c = cv::v_load(first + offsets[start + 8]);
+    const Lanes d = cv::v_load(first + offsets[start + 12]);
+    const Lanes brighter =
+        cv::v_min(cv::v_max(a - centre, c - centre), cv::v_max(b - centre, d - centre));
+    const Lanes darker =
+        cv::v_min(cv::v_max(centre - a, centre - c), cv::v_max(centre - b, centre - d));
+    possible = cv::v_min(possible, cv::v_max(brighter, darker));
+    if (!cv::v_check_any(possible > limit)) return false;
+  }
+  return true;
 }
 
 // Four rows of four pixels; the first pixel is at `from`.
@@ -97,16 +130,61 @@ cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y) {
                           std::clamp((hxy * gx - hxx * gy) / determinant, -0.5f, 0.5f));
 }
 
-// The circle of corners in `area` reaches kCircleRadius pixels beyond it.
+// Scores of the corners with a contrast above `threshold` into scores_, 0 elsewhere. scores_ has a
+// margin of one pixel around `area`.
+void FastDetector::score(const cv::Mat& level, const cv::Rect& area, int threshold) {
+  stride_ = static_cast<std::size_t>(area.width) + 2 + kLanes;  // whole vectors may be read
+  scores_.assign(stride_ * static_cast<std::size_t>(area.height + 2), 0);
+  const auto offsets = circle_offsets(level);
+  const Lanes limit = cv::v_setall_u8(static_cast<std::uint8_t>(threshold));
+  for (int y = 0; y < area.height; ++y) {
+    const std::uint8_t* row = level.ptr<std::uint8_t>(area.y + y) + area.x;
+    std::uint8_t* out = &scores_[stride_ * static_cast<std::size_t>(y + 1) + 1];
+    int x = 0;
+    for (; x < area.width; x += kLanes) {
+      // The last vector overlaps the one before: nothing outside the area is touched.
+      if (x + kLanes > area.width) x = area.width - kLanes;
+      if (x < 0) break;
+      if (!may_be_corner(row + x, offsets, limit)) continue;
+      const Lanes s = scores_16(row + x, offsets);
+      cv::v_store(out + x, s & (s > limit));
+    }
+    if (area.width >= kLanes) continue;
+    for (x = 0; x < area.width; ++x) {
+      const int s = fast_score(level, area.x + x, area.y + y);
+      out[x] = static_cast<std::uint8_t>(s > threshold ? s : 0);
+    }
+  }
+}
+
+// Appends the corners in scores_ that no neighbour exceeds. Of equal neighbours the last remains.
+void FastDetector::collect(const cv::Rect& area, std::vector<Corner>& corners) const {
+  for (int y = 0; y < area.height; ++y) {
+    const std::uint8_t* row = &scores_[stride_ * static_cast<std::size_t>(y + 1) + 1];
+    const std::uint8_t *above = row - stride_, *below = row + stride_;
+    for (int x = 0; x < area.width; x += kLanes) {
+      const Lanes s = cv::v_load(row + x);
+      if (!cv::v_check_any(s > cv::v_setzero_u8())) continue;
+      const Lanes before = cv::v_max(cv::v_max(cv::v_load(above + x - 1), cv::v_load(above + x)),
+                                     cv::v_max(cv::v_load(above + x + 1), cv::v_load(row + x - 1)));
+      const Lanes after = cv::v_max(cv::v_max(cv::v_load(row + x + 1), cv::v_load(below + x - 1)),
+                                    cv::v_max(cv::v_load(below + x), cv::v_load(below + x + 1)));
+      const Lanes peak = (s > after) & (s >= before);
+      auto bits = static_cast<std::uint32_t>(cv::v_signmask(cv::v_reinterpret_as_s8(peak)));
+      for (; bits != 0; bits &= bits - 1) {
+        const int i = x + std::countr_zero(bits);
+        if (i < area.width)
+          corners.push_back({static_cast<std::int16_t>(area.x + i),
+                             static_cast<std::int16_t>(area.y + y), row[i]});
+      }
+    }
+  }
+}
+
 void FastDetector::append(const cv::Mat& level, const cv::Rect& area, int threshold,
                           std::vector<Corner>& corners) {
-  const cv::Rect reached(area.x - kCircleRadius, area.y - kCircleRadius,
-                         area.width + 2 * kCircleRadius, area.height + 2 * kCircleRadius);
-  cv::FAST(level(reached), found_, threshold, true, cv::FastFeatureDetector::TYPE_9_16);
-  for (const cv::KeyPoint& k : found_)
-    corners.push_back({static_cast<std::int16_t>(static_cast<int>(k.pt.x) + reached.x),
-                       static_cast<std::int16_t>(static_cast<int>(k.pt.y) + reached.y),
-                       static_cast<std::int16_t>(k.response)});
+  score(level, area, threshold);
+  collect(area, corners);
 }
 
 void FastDetector::detect(const cv::Mat& level, int border, std::vector<Corner>& corners) {

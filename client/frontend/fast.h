@@ -4,6 +4,8 @@
 // the strongest among neighbours.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <opencv2/core/mat.hpp>
@@ -14,7 +16,7 @@
 namespace cairn {
 
 struct FastOptions {
-  int high_threshold = 20;  // grey levels
+  int high_threshold = 20;  // grey levels that the contrast must exceed
   int low_threshold = 7;    // used in cells where the high one finds nothing; 0: never
   int cell = 32;            // pixels a side
 };
@@ -40,11 +42,14 @@ class FastDetector {
   void detect(const cv::Mat& level, int border, std::vector<Corner>& corners);
 
  private:
+  void score(const cv::Mat& level, const cv::Rect& area, int threshold);
+  void collect(const cv::Rect& area, std::vector<Corner>& corners) const;
   void append(const cv::Mat& level, const cv::Rect& area, int threshold,
               std::vector<Corner>& corners);
 
   FastOptions options_;
-  std::vector<cv::KeyPoint> found_;
+  std::vector<std::uint8_t> scores_;    // of the area being searched
+  std::size_t stride_ = 0;              // of scores_
   std::vector<std::uint8_t> occupied_;  // per cell
 };
 
