@@ -54,6 +54,7 @@ class IngestTest : public ::testing::Test {
   std::unique_ptr<Link> connect(const std::string& name = "alice", std::uint64_t epoch = kEpoch,
                                 const std::string& file = "") {
     const auto node = net_.node();
+    client_domain_ = node.domain;
     LinkOptions options;
     options.client = {name, epoch};
     options.domain = node.domain;
@@ -99,6 +100,7 @@ class IngestTest : public ::testing::Test {
   }
 
   Loopback net_;
+  std::uint32_t client_domain_ = 0;  // of the link that was made last
   MemoryJournal journal_;
   std::filesystem::path folder_;
   std::mutex mutex_;
@@ -190,6 +192,35 @@ TEST_F(IngestTest, RestartOfTheServerNeitherLosesNorRepeats) {
   EXPECT_EQ(after.front(), journaled.size());
   EXPECT_TRUE(link->wait_delivered(5s));
   EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(40));
+}
+
+TEST_F(IngestTest, LinkCutLongerThanTheLeaseNeitherLosesNorRepeats) {
+  auto ingest = serve();
+  auto link = connect();
+  const auto participant = dds::Participant::create({client_domain_, ""});
+  ASSERT_TRUE(participant);
+  std::uint32_t sequence = 0;
+  for (const bool cut : {false, true, false}) {
+    ASSERT_TRUE((*participant)->set_cut(cut));
+    for (int i = 0; i < 10; ++i) link->send(sample_keyframe_ptr({kEpoch, sequence++}, 500));
+    if (cut) {
+      EXPECT_FALSE(link->wait_delivered(1500ms));
+    }
+  }
+  EXPECT_EQ(take(*ingest, 30), up_to(30));
+  EXPECT_TRUE(link->wait_delivered(8s));
+  EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(30));
+}
+
+TEST_F(IngestTest, SendingAndPollingTakeMicroseconds) {
+  auto ingest = serve();
+  auto link = connect();
+  const auto start = std::chrono::steady_clock::now();
+  for (std::uint32_t i = 0; i < 200; ++i) {
+    link->send(sample_keyframe_ptr({kEpoch, i}, 0));
+    (void)link->poll_update();
+  }
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 100ms);
 }
 
 TEST_F(IngestTest, ServerThatHasLostItsJournalGoesOnFromWhatTheClientHolds) {
