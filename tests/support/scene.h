@@ -43,6 +43,7 @@ struct SceneInfo {
 //   corridor     square loop corridor, 37 m round, its texture varied along it
 //   weak         room with weak texture and a few objects
 //   textureless  room where next to nothing stands out: contrasts of a few grey levels
+//   bare         room with two rich walls and two that are dim and all but flat
 //   turn         the office, for turning on the spot
 //   posters      room with the same poster again and again
 //   bricks       room of brick walls

@@ -183,6 +183,20 @@ std::shared_ptr<const Scene> make_textureless(const std::string& name, std::uint
   return b.build();
 }
 
+// Two walls are richly textured, the two opposite ones dim and all but flat: who looks from the
+// ones to the others needs the faint marks there.
+std::shared_ptr<const Scene> make_bare(const std::string& name, std::uint64_t seed) {
+  SceneBuilder b(name, seed);
+  constexpr double kSide = 5.2, kHeight = 2.6;
+  const Vector3d up = kHeight / 2 * Vector3d::UnitZ();
+  for (const Vector3d& side : {Vector3d(1, 0, 0), Vector3d(0, 1, 0)}) {
+    b.upright(kSide / 2 * side + up, -side, kSide, kHeight, 220, leaves(140, 45));
+    b.upright(-kSide / 2 * side + up, side, kSide, kHeight, 220, faint(55, 7));
+  }
+  floor_and_ceiling(b, kSide, kSide, kHeight, faint(50, 6), faint(70, 5));
+  return b.build();
+}
+
 std::shared_ptr<const Scene> make_posters(const std::string& name, std::uint64_t seed) {
   SceneBuilder b(name, seed);
   constexpr double kWidth = 7, kDepth = 6, kHeight = 2.7;
@@ -226,6 +240,7 @@ const std::vector<Entry>& entries() {
       {{"corridor", "square loop corridor, 37 m round"}, make_corridor},
       {{"weak", "room with weak texture"}, make_weak},
       {{"textureless", "room where next to nothing stands out"}, make_textureless},
+      {{"bare", "two rich walls, two dim and all but flat ones"}, make_bare},
       {{"turn", "the office, for turning on the spot"}, make_office},
       {{"posters", "room with the same poster again and again"}, make_posters},
       {{"bricks", "room of brick walls"}, make_bricks},

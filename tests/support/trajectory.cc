@@ -143,7 +143,8 @@ Result<Trajectory> Trajectory::make(const std::string& scene, int path, std::uin
             .start = loop.start,
             .bob = 0.02,
             .seed = loop.seed};
-  } else if (scene == "weak" || scene == "textureless") {  // looking across the room
+  } else if (scene == "weak" || scene == "textureless" ||
+             scene == "bare") {  // looking across the room
     loop = {.half_x = 0.9,
             .half_y = 0.9,
             .corner_radius = 0.9,
@@ -153,6 +154,8 @@ Result<Trajectory> Trajectory::make(const std::string& scene, int path, std::uin
             .pitch = -0.05,
             .start = loop.start,
             .seed = loop.seed};
+    // It begins with the rich walls in sight.
+    if (scene == "bare") loop.start += 0.55;
   } else if (scene == "posters" || scene == "bricks") {  // along the walls, looking at them
     loop = {.half_x = 1.9 - 0.3 * variant,
             .half_y = 1.4 - 0.2 * variant,

@@ -61,8 +61,8 @@ TEST_P(ScenePath, ComesBackToWhereItBegan) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, ScenePath,
-                         testing::Values("desk", "hall", "corridor", "weak", "textureless", "turn",
-                                         "posters", "bricks"));
+                         testing::Values("desk", "hall", "corridor", "weak", "textureless", "bare",
+                                         "turn", "posters", "bricks"));
 
 TEST(Trajectory, EverySceneHasOne) {
   for (const SceneInfo& scene : scene_list()) {
