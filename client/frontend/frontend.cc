@@ -1,5 +1,6 @@
 #include "client/frontend/frontend.h"
 
+#include <algorithm>
 #include <cmath>
 #include <future>
 #include <utility>

@@ -37,8 +37,11 @@ TEST(Fast, FindsOpenCvsCornersWithOneThreshold) {
     for (const auto& [x, y, score] : found) {  // what is left had an equal before it
       EXPECT_GT(score, 19);
       bool tie = false;
-      for (int i = 0; i < 4; ++i)
-        tie |= fast_score(image, x + (i < 3 ? i - 1 : -1), y - (i < 3 ? 1 : 0)) == score + 1;
+      for (int i = 0; i < 4; ++i) {
+        const int u = x + (i < 3 ? i - 1 : -1), v = y - (i < 3 ? 1 : 0);
+        if (u < 3 || v < 3 || u >= size.width - 3) continue;
+        tie |= fast_score(image, u, v) == score + 1;
+      }
       EXPECT_TRUE(tie) << x << ' ' << y;
     }
   }
