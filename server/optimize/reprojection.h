@@ -26,13 +26,14 @@ namespace cairn {
 //
 // A structured-light camera measures disparity to about 0.06 px of the virtual baseline
 // (Khoshelham and Elberink 2012: 1.4 mm at 1 m), but adds what is systematic: depth beside an edge,
-// lens and clock offsets. Trajectory error on TUM fr1/rpy with 1.0, 0.5, 0.3, 0.2, 0.15, 0.1 and
-// 0.06 px: 31, 28, 30, 23, 21, 27 and 37 mm. A device whose depth is not registered to the colour
-// image (7-Scenes) likes 1.0 a tenth better.
+// lens and clock offsets, no registration to the colour image. Measured with 1.0, 0.5 and 0.2 px
+// and two states of the front end: trajectory error on TUM fr1/rpy of 31 and 28, 28 and 27, 23 and
+// 32 mm; on 7-Scenes kitchen (depth not registered) of 30 and 28, 34 and 31, 33 and 32 mm. No value
+// is better on both.
 struct ObservationNoise {
   double pixel = 1.0;
   double stereo = 1.0;  // of the column in the right image
-  double rgbd = 0.2;    // of the virtual disparity
+  double rgbd = 1.0;    // of the virtual disparity
 };
 
 // A pose in the order that the solver wants: quaternion x y z w, then the translation.
