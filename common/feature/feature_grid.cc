@@ -14,8 +14,10 @@ constexpr float kCellSize = 16.0f;  // pixels; a search radius is mostly 5 to 40
 FeatureGrid::FeatureGrid(const Features& features, const PinholeCamera& camera)
     : left_(-0.25f * static_cast<float>(camera.width)),
       top_(-0.25f * static_cast<float>(camera.height)) {
-  columns_ = std::max(1, static_cast<int>(std::ceil(1.5f * static_cast<float>(camera.width) / kCellSize)));
-  rows_ = std::max(1, static_cast<int>(std::ceil(1.5f * static_cast<float>(camera.height) / kCellSize)));
+  columns_ =
+      std::max(1, static_cast<int>(std::ceil(1.5f * static_cast<float>(camera.width) / kCellSize)));
+  rows_ = std::max(
+      1, static_cast<int>(std::ceil(1.5f * static_cast<float>(camera.height) / kCellSize)));
 
   const auto cell_of = [&](const Feature& f) { return row(f.y) * columns_ + column(f.x); };
   starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
@@ -26,8 +28,8 @@ FeatureGrid::FeatureGrid(const Features& features, const PinholeCamera& camera)
   std::vector<std::uint32_t> next(starts_.begin(), starts_.end() - 1);
   for (std::size_t i = 0; i < features.size(); ++i) {
     const Feature& f = features.points[i];
-    entries_[next[static_cast<std::size_t>(cell_of(f))]++] = {f.x, f.y, static_cast<std::uint16_t>(i),
-                                                              f.octave};
+    entries_[next[static_cast<std::size_t>(cell_of(f))]++] = {
+        f.x, f.y, static_cast<std::uint16_t>(i), f.octave};
   }
 }
 
