@@ -92,12 +92,20 @@ cv::Mat to_levels(const cv::Mat& canvas) {
   return levels;
 }
 
+// levels += factor * noise. Plain calls instead of OpenCV's matrix expressions, whose tables are
+// made on first use in a way that thread sanitizers can't see.
+void add_scaled(cv::Mat& levels, const cv::Mat& noise, double factor) {
+  cv::scaleAdd(noise, factor, levels, levels);
+}
+
 // Adds grain whose strength varies over the surface: rough here, smooth there.
 void add_grain(Random& random, const Area& area, cv::Mat& levels, double amplitude) {
   const cv::Mat fine = fractal(random, area, 0.15, 0.85);
   cv::Mat strength = fractal(random, area, 0.8, 0.4);
-  strength = cv::max(0.15, 0.6 + 0.5 * strength);
-  levels += amplitude * fine.mul(strength);
+  strength.convertTo(strength, CV_32F, 0.5, 0.6);
+  cv::max(strength, cv::Scalar(0.15), strength);
+  cv::multiply(fine, strength, strength);
+  add_scaled(levels, strength, amplitude);
 }
 
 void cover_with_shapes(Random& random, const Area& area, cv::Mat& canvas, double smallest,
@@ -124,7 +132,7 @@ cv::Mat fractal(Random& random, const Area& area, double coarsest, double persis
   for (int octave = octaves - 1; octave >= 0; --octave, amplitude *= persistence) {
     const cv::Size size((columns >> octave) + 2, (rows >> octave) + 2);
     if (sum.empty()) {
-      sum = cv::Mat::zeros(size, CV_32F);
+      sum = cv::Mat(size, CV_32F, cv::Scalar(0));
     } else {
       cv::Mat doubled;
       cv::resize(sum, doubled, cv::Size(), 2, 2, cv::INTER_CUBIC);
@@ -163,7 +171,7 @@ cv::Mat plaster(Random& random, const Area& area, double level, double contrast)
     }
   }
   cv::Mat levels = to_levels(canvas);
-  levels += contrast * fractal(random, area, 3.0, 0.5);
+  add_scaled(levels, fractal(random, area, 3.0, 0.5), contrast);
   add_grain(random, area, levels, 0.35 * contrast);
   return levels;
 }
@@ -223,7 +231,7 @@ cv::Mat page(Random& random, const Area& area) {
     cover_with_shapes(random, area, figure, 0.003, 0.03, 120, 100, 1.5);
   }
   cv::Mat levels = to_levels(canvas);
-  levels += 2.0 * fractal(random, area, 0.3, 0.6);
+  add_scaled(levels, fractal(random, area, 0.3, 0.6), 2.0);
   return levels;
 }
 
@@ -285,13 +293,13 @@ cv::Mat boards(Random& random, const Area& area, double level) {
   narrow.width = area.width / 8;
   cv::Mat grain;
   cv::resize(fractal(random, narrow, 0.1, 0.9), grain, levels.size(), 0, 0, cv::INTER_CUBIC);
-  levels += 7.0 * grain;
+  add_scaled(levels, grain, 7.0);
   return levels;
 }
 
 cv::Mat carpet(Random& random, const Area& area, double level, double contrast) {
   cv::Mat levels(area.rows(), area.columns(), CV_32F, cv::Scalar(level));
-  levels += contrast * fractal(random, area, 0.4, 0.85);
+  add_scaled(levels, fractal(random, area, 0.4, 0.85), contrast);
   return levels;
 }
 
@@ -339,7 +347,7 @@ cv::Mat bricks(Random& random, const Area& area) {
     }
   }
   cv::Mat levels = to_levels(canvas);
-  levels += 3.0 * fractal(random, area, 0.1, 0.8);
+  add_scaled(levels, fractal(random, area, 0.1, 0.8), 3.0);
   return levels;
 }
 
@@ -359,7 +367,7 @@ cv::Mat faint(Random& random, const Area& area, double level, double contrast) {
     }
   }
   cv::Mat levels = to_levels(canvas);
-  levels += 0.5 * contrast * fractal(random, area, 4.0, 0.4);
+  add_scaled(levels, fractal(random, area, 4.0, 0.4), 0.5 * contrast);
   return levels;
 }
 
