@@ -161,7 +161,7 @@ struct Mapping<ServerStatusMessage> {
     s.queued_keyframes = m.queued_keyframes;
   }
   static bool from(const Sample& s, ServerStatusMessage& m) {
-    m = {s.server,  s.protocol,  MapId{s.map_id},      s.uptime_ms,
+    m = {s.server,  s.protocol,  MapId{s.map_id},   s.uptime_ms,
          s.clients, s.keyframes, s.queued_keyframes};
     return true;
   }

@@ -164,7 +164,7 @@ void Ingest::Parts::receive_state(const wire::ClientStateMessage& state) {
   for (const ClientEvent& event : answer.events) {
     const bool joined = event.kind == ClientEvent::Kind::kJoined;
     if (event.kind != ClientEvent::Kind::kRefresh)
-      log::info("client {} {}", event.client.name, joined ? "joined" : "left");
+      log::debug("client {} {}", event.client.name, joined ? "joined" : "left");
     if (options.on_event) options.on_event(event);
   }
 }

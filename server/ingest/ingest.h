@@ -73,7 +73,8 @@ struct IngestOptions {
   std::string partition = "cairn";    // the deployment's name
   std::uint32_t queue_capacity = 32;  // keyframes a client run; also the most that are on their way
   MapId map;                          // for the status topic
-  // Called from ingest's thread, one event at a time: must not block. Set it when updates are sent.
+  // Called from ingest's thread, one event at a time, from within start() on: must not block.
+  // Needed by whoever sends updates.
   std::function<void(const ClientEvent&)> on_event;
   std::string dds_config;  // XML instead of what CYCLONEDDS_URI names
 };
