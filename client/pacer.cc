@@ -1,14 +1,25 @@
 #include "client/pacer.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace cairn {
 
 Status Pacer::fetch() {
+  const Clock::time_point asked = Clock::now();
   Result<std::optional<Frame>> frame = source_.next();
   if (!frame) return frame.error();
   ahead_ = std::move(*frame);
+  if (!ahead_ || !start_) return {};
+  // A source that is slower than the recording's own pace (a rendered scene, a slow disk) makes its
+  // frames late itself: the clock waits for it, or ever more frames would be dropped.
+  const Clock::time_point now = Clock::now();
+  if (due(*ahead_) < now) start_ = *start_ + std::min(now - asked, now - due(*ahead_));
   return {};
+}
+
+Pacer::Clock::time_point Pacer::due(const Frame& frame) const {
+  return *start_ + std::chrono::nanoseconds(frame.stamp_ns - first_stamp_ns_);
 }
 
 Result<std::optional<Frame>> Pacer::next(
@@ -25,9 +36,6 @@ Result<std::optional<Frame>> Pacer::next(
     start_ = Clock::now();
     first_stamp_ns_ = frame.stamp_ns;
   }
-  const auto due = [&](const Frame& f) {
-    return *start_ + std::chrono::nanoseconds(f.stamp_ns - first_stamp_ns_);
-  };
   while (ahead_ && due(*ahead_) <= Clock::now()) {
     ++dropped_;
     frame = std::move(*ahead_);

@@ -29,6 +29,7 @@ class Pacer {
  private:
   using Clock = std::chrono::steady_clock;
   Status fetch();
+  Clock::time_point due(const Frame& frame) const;  // once started
 
   FrameSource& source_;
   const bool real_time_;

@@ -118,14 +118,11 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   switch (event.kind) {
     case ClientEvent::Kind::kJoined:
     case ClientEvent::Kind::kRefresh:
-      log::info("client {} {}", event.client.name,
-                event.kind == ClientEvent::Kind::kJoined ? "joined" : "asks for a refresh");
       desk(event.client)->wants_refresh = true;
       jobs_.push(event.client, Job{});
       break;
     case ClientEvent::Kind::kLeft:
-      log::info("client {} left", event.client.name);
-      break;
+      break;  // its keyframes stay, and it may come back
   }
 }
 

@@ -13,9 +13,9 @@ struct KeyframePolicyOptions {
   int min_frames_between = 0;
   // Of the landmarks that the reference keyframe shows, fewer than this share still in view calls
   // for a keyframe. Higher makes more keyframes.
-  double min_shared = 0.75;
+  double min_shared = 0.4;
   // Below this share tracking is weak: a keyframe even when the mapper is busy.
-  double weak_shared = 0.25;
+  double weak_shared = 0.15;
   // Near points, whose depth gives scale and translation: fewer than `min_near_tracked` in view
   // while more than `min_near_new` could be added calls for a keyframe.
   int min_near_tracked = 100;
@@ -27,7 +27,7 @@ struct KeyframePolicyOptions {
 struct KeyframeSituation {
   int frames_since_keyframe = 0;
   int shown_landmarks = 0;      // inliers of this frame
-  int reference_landmarks = 0;  // that the reference keyframe shows and others have confirmed
+  int reference_landmarks = 0;  // that the reference keyframe shows
   int near_tracked = 0;         // features nearer than the rig's max_depth that show a landmark
   int near_new = 0;             // and such that show none
   int backlog = 0;              // keyframes sent that the server has not mapped; 0 without a server

@@ -77,12 +77,9 @@ std::optional<KeyframeId> LocalMap::most_shared(std::span<const LandmarkId> seen
   return std::nullopt;
 }
 
-int LocalMap::landmarks_of(KeyframeId keyframe, std::size_t min_observers) const {
+int LocalMap::landmarks_of(KeyframeId keyframe) const {
   const auto it = seen_by_.find(keyframe);
-  if (it == seen_by_.end()) return 0;
-  return static_cast<int>(std::count_if(it->second.begin(), it->second.end(), [&](Slot slot) {
-    return slots_[slot].observers.size() >= min_observers;
-  }));
+  return it == seen_by_.end() ? 0 : static_cast<int>(it->second.size());
 }
 
 LocalMap::Slot LocalMap::insert(LocalLandmark landmark) {

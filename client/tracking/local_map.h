@@ -51,8 +51,8 @@ class LocalMap {
                                            std::size_t max_keyframes);
   // The own keyframe that shares most of `seen`; nothing when none shares any.
   std::optional<KeyframeId> most_shared(std::span<const LandmarkId> seen) const;
-  // How many of the landmarks that a keyframe saw still stand, seen by at least `min_observers`.
-  int landmarks_of(KeyframeId keyframe, std::size_t min_observers) const;
+  // How many of the landmarks that a keyframe saw still stand.
+  int landmarks_of(KeyframeId keyframe) const;
 
   // Takes in a new keyframe at `map_from_camera`: its matches become observations, and those that
   // name the keyframe itself become provisional landmarks from depth.

@@ -147,8 +147,7 @@ bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
   KeyframeSituation now;
   now.frames_since_keyframe = frames_since_keyframe_;
   now.shown_landmarks = landmarks;
-  // With few keyframes landmarks can't have been seen often yet.
-  now.reference_landmarks = map_.landmarks_of(reference_, map_.keyframe_count() <= 2 ? 1 : 2);
+  now.reference_landmarks = map_.landmarks_of(reference_);
   now.backlog = backlog();
   for (std::size_t f = 0; f < frame.features.size(); ++f) {
     const Feature& feature = frame.features.points[f];

@@ -25,16 +25,18 @@ const std::map<std::string, MapFormat> kFormats = {{"tum", MapFormat::kTum},
                                                    {"colmap", MapFormat::kColmap},
                                                    {"json", MapFormat::kJson}};
 
-void print_info(const MapInfo& info, const std::vector<ClientId>& clients) {
+void print_info(const MapInfo& info, const std::vector<ClientId>& clients, MapFile& file) {
   std::cout << fmt::format("map          {:016x}, revision {}, {} merges and loops\n", info.id,
                            info.revision, info.merge_epoch);
   std::cout << fmt::format("keyframes    {}\n", info.keyframes);
   for (const MapInfo::Run& run : info.runs) {
     const auto client = std::find_if(clients.begin(), clients.end(),
                                      [&](const ClientId& c) { return c.epoch == run.epoch; });
-    std::cout << fmt::format("  {:<12} run {:016x}: {} keyframes, {:.1f} s, {:.2f} m\n",
-                             client == clients.end() ? "?" : client->name, run.epoch, run.keyframes,
-                             run.duration_s, run.path_m);
+    const bool known = client != clients.end();
+    std::cout << fmt::format(
+        "  {:<12} run {:016x}: {} keyframes of {} received, {:.1f} s, {:.2f} m\n",
+        known ? client->name : "?", run.epoch, run.keyframes,
+        known ? file.next_sequence(*client) : 0, run.duration_s, run.path_m);
   }
   std::cout << fmt::format("landmarks    {}, seen {:.1f} times each\n", info.landmarks,
                            info.mean_observations);
@@ -59,7 +61,7 @@ int run_info(const Arguments& arguments) {
   const auto map = load_map(**file, arguments.file);
   if (!map) return fail(map.message());
   const auto clients = (*file)->clients();
-  print_info(info_of(*map), clients ? *clients : std::vector<ClientId>{});
+  print_info(info_of(*map), clients ? *clients : std::vector<ClientId>{}, **file);
   return kExitOk;
 }
 

@@ -1,5 +1,7 @@
 // One camera, one server: images in, corrected trajectory out.
 #include <csignal>
+#include <fstream>
+#include <iterator>
 
 #include <gtest/gtest.h>
 
@@ -104,7 +106,7 @@ INSTANTIATE_TEST_SUITE_P(
     Recordings, RealRgbd,
     ::testing::Values(Recording{"tum_fr1_rpy_240", "client_tum_fr1.yaml", 240, 0.0266},
                       Recording{"sevenscenes_kitchen_400", "client_7scenes.yaml", 400, 0.0254}),
-    [](const auto& info) { return info.param.folder; });
+    [](const auto& recording_info) { return recording_info.param.folder; });
 
 TEST(EndToEnd, RealStereoIsTracked) {
   const auto folder = recording("kitti_00_stereo_21");

@@ -24,20 +24,20 @@ TEST(KeyframePolicy, LeavesASteadyViewAlone) {
 
 TEST(KeyframePolicy, TakesAKeyframeWhenLandmarksLeaveTheView) {
   KeyframeSituation now = steady();
-  now.shown_landmarks = 140;
+  now.shown_landmarks = 70;
   EXPECT_TRUE(wants_keyframe({}, now));
 }
 
 TEST(KeyframePolicy, WaitsForTheMapperUnlessOverdueOrWeak) {
   KeyframeSituation now = steady();
-  now.shown_landmarks = 140;
+  now.shown_landmarks = 70;
   now.backlog = 1;
   EXPECT_FALSE(wants_keyframe({}, now));
   now.frames_since_keyframe = 30;
   EXPECT_TRUE(wants_keyframe({}, now));
   now.backlog = 3;
   EXPECT_FALSE(wants_keyframe({}, now));
-  now.shown_landmarks = 40;
+  now.shown_landmarks = 20;
   EXPECT_TRUE(wants_keyframe({}, now));
 }
 
