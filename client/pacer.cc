@@ -10,11 +10,12 @@ Status Pacer::fetch() {
   Result<std::optional<Frame>> frame = source_.next();
   if (!frame) return frame.error();
   ahead_ = std::move(*frame);
+  fetched_at_ = Clock::now();
   if (!ahead_ || !start_) return {};
   // A source that is slower than the recording's own pace (a rendered scene, a slow disk) makes its
   // frames late itself: the clock waits for it, or ever more frames would be dropped.
-  const Clock::time_point now = Clock::now();
-  if (due(*ahead_) < now) start_ = *start_ + std::min(now - asked, now - due(*ahead_));
+  if (due(*ahead_) < fetched_at_)
+    start_ = *start_ + std::min(fetched_at_ - asked, fetched_at_ - due(*ahead_));
   return {};
 }
 
@@ -36,7 +37,9 @@ Result<std::optional<Frame>> Pacer::next(
     start_ = Clock::now();
     first_stamp_ns_ = frame.stamp_ns;
   }
-  while (ahead_ && due(*ahead_) <= Clock::now()) {
+  // Overtaken: the next one was due before it was asked for, not only since the source made us
+  // wait.
+  while (ahead_ && due(*ahead_) < fetched_at_) {
     ++dropped_;
     frame = std::move(*ahead_);
     if (Status s = fetch(); !s) return s.error();

@@ -35,6 +35,7 @@ class Pacer {
   const bool real_time_;
   std::optional<Frame> ahead_;  // the frame after the one to be returned
   bool fetched_ = false;
+  Clock::time_point fetched_at_{};  // when ahead_ came
   std::optional<Clock::time_point> start_;
   std::int64_t first_stamp_ns_ = 0;
   std::uint64_t dropped_ = 0;
