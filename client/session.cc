@@ -173,7 +173,8 @@ Status Session::finish() {
   report_.undelivered = stats.keyframes_in_outbox;
   report_.bytes_up = stats.bytes_up;
   report_.bytes_down = stats.bytes_down;
-  if (!options_.trajectory.empty()) return write_tum(options_.trajectory, tracker_->trajectory());
+  if (!options_.trajectory.empty())
+    return write_trajectory(options_.trajectory, tracker_->trajectory());
   return {};
 }
 

@@ -60,7 +60,7 @@ class Tracker {
   int backlog() const {
     return has_server_ ? static_cast<int>(next_sequence_ - mapped_keyframes_) : 0;
   }
-  std::vector<StampedPose> trajectory() const { return trajectory_.poses(map_); }
+  Trajectory trajectory() const { return trajectory_.poses(map_); }
   const LocalMap& map() const { return map_; }
 
  private:

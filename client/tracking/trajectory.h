@@ -3,18 +3,12 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "client/tracking/local_map.h"
-#include "common/util/status.h"
+#include "common/model/trajectory.h"
 
 namespace cairn {
-
-struct StampedPose {
-  std::int64_t stamp_ns = 0;
-  Rigid3 map_from_camera;
-};
 
 class FrameTrajectory {
  public:
@@ -22,7 +16,7 @@ class FrameTrajectory {
   void add(std::int64_t stamp_ns, KeyframeId reference, const Rigid3& reference_from_camera);
   std::size_t size() const { return frames_.size(); }
   // Every frame's pose by the keyframe poses that the map holds now.
-  std::vector<StampedPose> poses(const LocalMap& map) const;
+  Trajectory poses(const LocalMap& map) const;
 
  private:
   struct Entry {
@@ -32,8 +26,5 @@ class FrameTrajectory {
   };
   std::vector<Entry> frames_;
 };
-
-// Writes `stamp tx ty tz qx qy qz qw` lines (TUM RGB-D format; seconds, metres).
-Status write_tum(const std::string& path, const std::vector<StampedPose>& poses);
 
 }  // namespace cairn

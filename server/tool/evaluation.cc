@@ -19,7 +19,7 @@ constexpr double kMaxGap = 3.5;
 std::size_t nearest(const Trajectory& trajectory, std::int64_t stamp_ns) {
   const auto after = std::lower_bound(
       trajectory.begin(), trajectory.end(), stamp_ns,
-      [](const TrajectoryPose& pose, std::int64_t t) { return pose.stamp_ns < t; });
+      [](const StampedPose& pose, std::int64_t t) { return pose.stamp_ns < t; });
   const auto index = static_cast<std::size_t>(after - trajectory.begin());
   if (index == trajectory.size()) return index - 1;
   if (index == 0) return 0;
@@ -32,8 +32,8 @@ struct Matched {
   const EvaluationInput* input;
   std::vector<IndexPair> pairs;
 
-  const TrajectoryPose& truth(std::size_t i) const { return (*input->truth)[pairs[i].truth]; }
-  const TrajectoryPose& estimate(std::size_t i) const {
+  const StampedPose& truth(std::size_t i) const { return (*input->truth)[pairs[i].truth]; }
+  const StampedPose& estimate(std::size_t i) const {
     return (*input->estimate)[pairs[i].estimate];
   }
 };
@@ -64,7 +64,7 @@ void add_relative_errors(const Matched& matched, const Sim3& truth_from_estimate
   const auto tolerance_ns = static_cast<std::int64_t>(kDeltaTolerance * delta_s * 1e9);
   Trajectory aligned;
   for (std::size_t i = 0; i < matched.pairs.size(); ++i) {
-    const TrajectoryPose& pose = matched.estimate(i);
+    const StampedPose& pose = matched.estimate(i);
     aligned.push_back({pose.stamp_ns, truth_from_estimate.move_pose(pose.world_from_camera)});
   }
   if (aligned.size() < 2) return;

@@ -16,7 +16,7 @@
 
 #include "common/geometry/sim3.h"
 #include "common/util/status.h"
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 
 namespace cairn {
 

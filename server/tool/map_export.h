@@ -13,7 +13,7 @@
 
 #include "common/util/status.h"
 #include "server/map/map.h"
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 
 namespace cairn {
 

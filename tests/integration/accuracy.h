@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "server/tool/evaluation.h"
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 #include "tests/support/synthetic_sequence.h"
 
 namespace cairn::testing {

@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/model/trajectory.h"
 #include "common/util/clock.h"
 
 namespace cairn::synthetic {
@@ -21,13 +22,6 @@ constexpr const char* kPoseHeader = "# timestamp tx ty tz qx qy qz qw\n";
 
 std::string seconds_text(std::int64_t ns) {
   return fmt::format("{}.{:06}", ns / kNanosPerSecond, ns % kNanosPerSecond / 1000);
-}
-
-std::string pose_line(std::int64_t stamp_ns, const Rigid3& pose) {
-  const auto& t = pose.translation;
-  const auto& q = pose.rotation;
-  return fmt::format("{} {:.7f} {:.7f} {:.7f} {:.8f} {:.8f} {:.8f} {:.8f}\n",
-                     seconds_text(stamp_ns), t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
 }
 
 Status write_image(const fs::path& file, const cv::Mat& image) {
@@ -91,7 +85,7 @@ Status write_tum(const SyntheticSequence& sequence, const fs::path& root,
     const std::string stamp = seconds_text(frame.stamp_ns), name = stamp + ".png";
     list += stamp + " rgb/" + name + "\n";
     partners += stamp + " " + partner + "/" + name + "\n";
-    poses += pose_line(frame.stamp_ns, frame.world_from_camera);
+    poses += tum_line({frame.stamp_ns, frame.world_from_camera}) + '\n';
     if (Status written = write_image(root / "rgb" / name, frame.gray); !written) return written;
     if (partner.empty()) return {};
     cv::Mat image = frame.right;
@@ -143,7 +137,7 @@ Status write_euroc(const SyntheticSequence& sequence, const fs::path& root,
     const auto& t = frame.world_from_camera.translation;
     const auto& q = frame.world_from_camera.rotation;
     list += fmt::format("{},{}\n", frame.stamp_ns, name);
-    poses += pose_line(frame.stamp_ns, frame.world_from_camera);
+    poses += tum_line({frame.stamp_ns, frame.world_from_camera}) + '\n';
     states += fmt::format("{},{:.7f},{:.7f},{:.7f},{:.8f},{:.8f},{:.8f},{:.8f}\n", frame.stamp_ns,
                           t.x(), t.y(), t.z(), q.w(), q.x(), q.y(), q.z());
     Status written = write_image(mav / "cam0" / "data" / name, frame.gray);
@@ -189,7 +183,7 @@ std::string client_config_text(const SyntheticSequence& sequence) {
 Status write_ground_truth(const SyntheticSequence& sequence, const fs::path& file) {
   std::string poses = kPoseHeader;
   for (int i = 0; i < sequence.size(); ++i) {
-    poses += pose_line(sequence.stamp_ns(i), sequence.world_from_camera(i));
+    poses += tum_line({sequence.stamp_ns(i), sequence.world_from_camera(i)}) + '\n';
   }
   return write_text(file, poses);
 }

@@ -12,7 +12,7 @@
 #include "server/storage/map_file.h"
 #include "server/tool/eval_command.h"
 #include "server/tool/map_command.h"
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 
 namespace cairn {
 namespace {

@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 #include "tests/support/temp_folder.h"
 
 namespace cairn {

@@ -1,14 +1,14 @@
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <optional>
 #include <string_view>
-
-#include <fmt/format.h>
 
 #include "common/util/clock.h"
 
@@ -69,7 +69,7 @@ std::optional<Rigid3> pose_from(const Eigen::Vector3d& t, double qw, double qx, 
   return Rigid3(q.normalized(), t);
 }
 
-std::optional<TrajectoryPose> parse_tum(const std::vector<std::string_view>& words) {
+std::optional<StampedPose> parse_tum(const std::vector<std::string_view>& words) {
   if (words.size() != 8) return std::nullopt;
   const auto stamp = stamp_from_seconds(words[0]);
   std::array<double, 7> v{};
@@ -80,10 +80,10 @@ std::optional<TrajectoryPose> parse_tum(const std::vector<std::string_view>& wor
   }
   const auto pose = pose_from({v[0], v[1], v[2]}, v[6], v[3], v[4], v[5]);
   if (!stamp || !pose) return std::nullopt;
-  return TrajectoryPose{*stamp, *pose};
+  return StampedPose{*stamp, *pose};
 }
 
-std::optional<TrajectoryPose> parse_euroc(const std::vector<std::string_view>& words) {
+std::optional<StampedPose> parse_euroc(const std::vector<std::string_view>& words) {
   if (words.size() < 8) return std::nullopt;
   std::int64_t stamp = 0;
   const auto [end, code] =
@@ -98,11 +98,11 @@ std::optional<TrajectoryPose> parse_euroc(const std::vector<std::string_view>& w
   }
   const auto pose = pose_from({v[0], v[1], v[2]}, v[3], v[4], v[5], v[6]);
   if (!pose) return std::nullopt;
-  return TrajectoryPose{stamp, *pose};
+  return StampedPose{stamp, *pose};
 }
 
 // KITTI: the stamp comes from elsewhere.
-std::optional<TrajectoryPose> parse_kitti(const std::vector<std::string_view>& words) {
+std::optional<StampedPose> parse_kitti(const std::vector<std::string_view>& words) {
   if (words.size() != 12) return std::nullopt;
   Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
   for (int i = 0; i < 12; ++i) {
@@ -111,7 +111,7 @@ std::optional<TrajectoryPose> parse_kitti(const std::vector<std::string_view>& w
     m(i / 4, i % 4) = *number;
   }
   if (std::abs(m.topLeftCorner<3, 3>().determinant() - 1) > 0.05) return std::nullopt;
-  return TrajectoryPose{0, Rigid3::from_matrix(m)};
+  return StampedPose{0, Rigid3::from_matrix(m)};
 }
 
 enum class Format { kTum, kEuroc, kKitti };
@@ -121,7 +121,7 @@ Format format_of(std::string_view line, const std::vector<std::string_view>& wor
   return words.size() == 12 ? Format::kKitti : Format::kTum;
 }
 
-std::optional<TrajectoryPose> parse(Format format, const std::vector<std::string_view>& words) {
+std::optional<StampedPose> parse(Format format, const std::vector<std::string_view>& words) {
   switch (format) {
     case Format::kEuroc:
       return parse_euroc(words);
@@ -184,8 +184,8 @@ Result<Trajectory> read_trajectory(const std::string& path) {
     if (!format) format = format_of(line, words);
     const auto pose = parse(*format, words);
     if (!pose)
-      return Error{ErrorCode::kCorrupt, fmt::format("{}:{}: expected {}", path, line_number,
-                                                    kExpected[static_cast<int>(*format)])};
+      return Error{ErrorCode::kCorrupt, path + ":" + std::to_string(line_number) + ": expected " +
+                                            kExpected[static_cast<int>(*format)]};
     trajectory.push_back(*pose);
   }
   if (trajectory.empty()) return Error{ErrorCode::kCorrupt, path + ": holds no pose"};
@@ -195,19 +195,25 @@ Result<Trajectory> read_trajectory(const std::string& path) {
   return trajectory;
 }
 
-std::string tum_line(const TrajectoryPose& pose) {
+std::string tum_line(const StampedPose& pose) {
   const auto& t = pose.world_from_camera.translation;
   const auto& q = pose.world_from_camera.rotation;
-  return fmt::format("{}.{:09d} {:.7f} {:.7f} {:.7f} {:.9f} {:.9f} {:.9f} {:.9f}",
-                     pose.stamp_ns / kNanosPerSecond, pose.stamp_ns % kNanosPerSecond, t.x(), t.y(),
-                     t.z(), q.x(), q.y(), q.z(), q.w());
+  // Integer arithmetic keeps all nine digits of the stamp: a double of today's seconds has seven.
+  std::array<char, 512> line{};
+  std::snprintf(line.data(), line.size(), "%lld.%09lld %.7f %.7f %.7f %.9f %.9f %.9f %.9f",
+                static_cast<long long>(pose.stamp_ns / kNanosPerSecond),
+                static_cast<long long>(pose.stamp_ns % kNanosPerSecond), t.x(), t.y(), t.z(), q.x(),
+                q.y(), q.z(), q.w());
+  return line.data();
 }
 
 Status write_trajectory(const std::string& path, const Trajectory& trajectory) {
   std::ofstream out(path);
-  for (const TrajectoryPose& pose : trajectory) out << tum_line(pose) << '\n';
-  out.flush();
-  if (!out) return {ErrorCode::kUnavailable, path + ": can't be written"};
+  for (const StampedPose& pose : trajectory) out << tum_line(pose) << '\n';
+  out.close();
+  if (!out)
+    return {ErrorCode::kUnavailable,
+            path + ": can't write the trajectory; is the folder there and writable?"};
   return {};
 }
 

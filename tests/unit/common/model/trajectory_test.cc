@@ -1,4 +1,4 @@
-#include "server/tool/trajectory.h"
+#include "common/model/trajectory.h"
 
 #include <filesystem>
 #include <fstream>

@@ -1,4 +1,4 @@
-// Trajectories in files: where a camera was at which time.
+// Where a camera was at which time, in memory and in text files.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,14 @@
 
 namespace cairn {
 
-struct TrajectoryPose {
+// `world` is what the trajectory is told in: a client's map, or the frame of the ground truth.
+struct StampedPose {
   std::int64_t stamp_ns = 0;
   Rigid3 world_from_camera;
 };
 
 // Ascending in time, no stamp twice.
-using Trajectory = std::vector<TrajectoryPose>;
+using Trajectory = std::vector<StampedPose>;
 
 // Reads a trajectory in one of three formats, told apart by what the first line of data looks like:
 // - TUM: `seconds tx ty tz qx qy qz qw`, separated by blanks
@@ -28,10 +29,11 @@ using Trajectory = std::vector<TrajectoryPose>;
 // Fails, naming file and line, on anything else, and on files without a pose.
 Result<Trajectory> read_trajectory(const std::string& path);
 
-// Writes TUM format: nanosecond stamps, seven digits or more of everything else.
+// Writes TUM format: stamps to the nanosecond, seven digits or more of everything else.
+// kUnavailable: the file can't be written.
 Status write_trajectory(const std::string& path, const Trajectory& trajectory);
 
 // One line of TUM format, without the line end.
-std::string tum_line(const TrajectoryPose& pose);
+std::string tum_line(const StampedPose& pose);
 
 }  // namespace cairn
