@@ -86,10 +86,9 @@ Status Pipeline::start_receiving() {
   if (!ingest) return ingest.error();
   ingest_ = std::move(*ingest);
   if (!config_.http.empty()) {
-    StatusPages pages{[this] { return to_json(state()); },
-                      [this] { return to_prometheus(state()); }};
-    Result<std::unique_ptr<StatusServer>> http =
-        StatusServer::start(config_.http, std::move(pages));
+    const StatusPages pages{[this] { return to_json(state()); },
+                            [this] { return to_prometheus(state()); }};
+    Result<std::unique_ptr<StatusServer>> http = StatusServer::start(config_.http, pages);
     if (!http) return http.error();
     http_ = std::move(*http);
     log::info("status at http://{}:{}/status", config_.http.substr(0, config_.http.rfind(':')),

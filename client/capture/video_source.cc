@@ -53,8 +53,8 @@ bool try_open(cv::VideoCapture& capture, const auto& what) {
 
 class LiveCamera final : public FrameSource {
  public:
-  LiveCamera(std::string name, cv::VideoCapture capture, const CameraConfig& camera)
-      : name_(std::move(name)), capture_(std::move(capture)), camera_(camera) {}
+  LiveCamera(std::string name, const cv::VideoCapture& capture, const CameraConfig& camera)
+      : name_(std::move(name)), capture_(capture), camera_(camera) {}
 
   const CameraConfig& camera() const override { return camera_; }
   std::uint64_t skipped() const override { return skipped_; }
@@ -145,8 +145,7 @@ Result<std::unique_ptr<FrameSource>> open_camera(const std::string& number,
   capture.set(cv::CAP_PROP_FRAME_WIDTH, config->camera.width());
   capture.set(cv::CAP_PROP_FRAME_HEIGHT, config->camera.height());
   capture.set(cv::CAP_PROP_FPS, config->rate_hz);
-  return std::unique_ptr<FrameSource>(
-      std::make_unique<LiveCamera>(name, std::move(capture), *config));
+  return std::unique_ptr<FrameSource>(std::make_unique<LiveCamera>(name, capture, *config));
 }
 
 }  // namespace cairn

@@ -39,7 +39,7 @@ struct StatusServer::Parts {
 };
 
 Result<std::unique_ptr<StatusServer>> StatusServer::start(const std::string& address,
-                                                          StatusPages pages) {
+                                                          const StatusPages& pages) {
   const Result<Address> parsed = parse_address(address);
   if (!parsed) return parsed.error();
   auto parts = std::make_unique<Parts>();

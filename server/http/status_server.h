@@ -22,7 +22,8 @@ class StatusServer {
  public:
   // `address` is ADDR:PORT, with port 0 for any free one. kInvalidArgument: no such form.
   // kUnavailable: the address can't be bound, as when another program listens there.
-  static Result<std::unique_ptr<StatusServer>> start(const std::string& address, StatusPages pages);
+  static Result<std::unique_ptr<StatusServer>> start(const std::string& address,
+                                                     const StatusPages& pages);
   ~StatusServer();  // stops listening and waits for requests under way
   StatusServer(const StatusServer&) = delete;
   StatusServer& operator=(const StatusServer&) = delete;

@@ -57,7 +57,9 @@ Renderer::Renderer(std::shared_ptr<const Scene> scene, const Camera& camera, int
   // One column and row more than the image, for the step from the last pixel on.
   dx_.create(height + 1, width + 1, CV_32F);
   dy_.create(height + 1, width + 1, CV_32F);
-  const auto [fx, fy, cx, cy] = camera.intrinsics();
+  // Not a structured binding: clang does not let a lambda have one.
+  const std::array<double, 4>& intrinsics = camera.intrinsics();
+  const double fx = intrinsics[0], fy = intrinsics[1], cx = intrinsics[2], cy = intrinsics[3];
   parallel_for(height + 1, threads_, 16, [&](int y) {
     for (int x = 0; x <= width; ++x) {
       double dx = (x - cx) / fx, dy = (y - cy) / fy;
@@ -261,8 +263,9 @@ void Renderer::shade_row(const std::vector<Plane>& planes, int row, const cv::Ma
   const auto* below = nearest.ptr<std::int32_t>(std::min(nearest.rows - 1, row + 1));
   const auto is_border = [&](int x) {
     const std::int32_t id = ids[x];
-    return (above[x] != id) | (below[x] != id) | (ids[std::max(0, x - 1)] != id) |
-           (ids[std::min(width - 1, x + 1)] != id);
+    // Without branches: any bit that differs from one of the neighbours.
+    return ((above[x] ^ id) | (below[x] ^ id) | (ids[std::max(0, x - 1)] ^ id) |
+            (ids[std::min(width - 1, x + 1)] ^ id)) != 0;
   };
   for (int x = 0; x < width;) {
     if (is_border(x)) {
