@@ -51,6 +51,11 @@ TEST(ClientConfig, TheFullyCommentedFileShowsTheDefaults) {
   EXPECT_EQ(shown->frontend.threads, defaults.frontend.threads);
   EXPECT_EQ(shown->tracker.min_inliers, defaults.tracker.min_inliers);
   EXPECT_EQ(shown->tracker.min_inliers_after_loss, defaults.tracker.min_inliers_after_loss);
+  EXPECT_EQ(shown->tracker.min_start_features, defaults.tracker.min_start_features);
+  EXPECT_EQ(shown->tracker.min_new_landmarks, defaults.tracker.min_new_landmarks);
+  EXPECT_EQ(shown->tracker.last_frame_radius, defaults.tracker.last_frame_radius);
+  EXPECT_EQ(shown->tracker.local_map_radius, defaults.tracker.local_map_radius);
+  EXPECT_EQ(shown->tracker.local_keyframes, defaults.tracker.local_keyframes);
   const auto &policy = shown->tracker.keyframes, &usual = defaults.tracker.keyframes;
   EXPECT_EQ(policy.max_frames_between, usual.max_frames_between);
   EXPECT_EQ(policy.min_frames_between, usual.min_frames_between);
