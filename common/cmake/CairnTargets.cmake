@@ -41,6 +41,27 @@ if(CAIRN_SANITIZE)
   add_link_options(-fsanitize=${CAIRN_SANITIZE})
 endif()
 
+# Sanitizers cost time: how many times longer tests may take. And they are told what to leave alone,
+# by each test's own environment, so that it reaches the programs that tests start too.
+set(CAIRN_TEST_TIMEOUT_SCALE 1)
+if(CAIRN_SANITIZE MATCHES "thread")
+  set(CAIRN_TEST_TIMEOUT_SCALE 10)
+elseif(CAIRN_SANITIZE)
+  set(CAIRN_TEST_TIMEOUT_SCALE 5)
+endif()
+set(cairn_test_properties)
+if(CAIRN_SANITIZE)
+  set(cairn_test_properties ENVIRONMENT
+      "TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/support/tsan.supp")
+endif()
+
+# Registers each test of a GoogleTest program with ctest.
+function(cairn_register_tests name seconds)
+  math(EXPR timeout "${seconds} * ${CAIRN_TEST_TIMEOUT_SCALE}")
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST
+                       PROPERTIES TIMEOUT ${timeout} ${cairn_test_properties} ${ARGN})
+endfunction()
+
 # Third-party headers are system headers: their warnings are not ours.
 function(cairn_link target)
   target_link_libraries(${target} PUBLIC ${ARGN})
@@ -74,5 +95,5 @@ function(cairn_tests name)
   endif()
   add_executable(${name} ${sources})
   target_link_libraries(${name} PRIVATE cairn_options GTest::gmock GTest::gtest_main ${ARG_DEPS})
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST PROPERTIES TIMEOUT 120)
+  cairn_register_tests(${name} 120)
 endfunction()

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -79,13 +80,19 @@ bool Process::has_ended() {
 }
 
 std::optional<int> Process::wait(std::chrono::seconds timeout) {
-  for (const auto end = Clock::now() + timeout; !has_ended() && Clock::now() < end;)
+  for (const auto end = Clock::now() + timeout * kTimeScale; !has_ended() && Clock::now() < end;)
     std::this_thread::sleep_for(kLookEvery);
   return exit_code_;
 }
 
+bool Process::runs_for(std::chrono::milliseconds time) {
+  for (const auto end = Clock::now() + time; !has_ended() && Clock::now() < end;)
+    std::this_thread::sleep_for(std::min<Clock::duration>(kLookEvery, end - Clock::now()));
+  return !has_ended();
+}
+
 bool Process::wait_for_log(const std::string& text, std::chrono::seconds timeout) {
-  for (const auto end = Clock::now() + timeout; Clock::now() < end;) {
+  for (const auto end = Clock::now() + timeout * kTimeScale; Clock::now() < end;) {
     const bool ended = has_ended();
     if (err().find(text) != std::string::npos) return true;
     if (ended) return false;
@@ -127,6 +134,8 @@ Deployment::Deployment() {
 }
 
 Deployment::~Deployment() {
+  // A report changes the exit code of a program that ends by itself, but not of one that is killed.
+  if (const std::string reports = sanitizer_reports(); !reports.empty()) ADD_FAILURE() << reports;
   if (::testing::Test::HasFailure()) {
     for (const auto& entry : fs::directory_iterator(folder_))
       if (entry.path().extension() == ".err")
@@ -136,6 +145,20 @@ Deployment::~Deployment() {
   }
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
+}
+
+std::string Deployment::sanitizer_reports() const {
+  std::string reports;
+  for (const auto& entry : fs::directory_iterator(folder_)) {
+    if (entry.path().extension() != ".err") continue;
+    std::istringstream lines(read_file(entry.path()));
+    for (std::string line; std::getline(lines, line);)
+      for (const char* sign :
+           {"ThreadSanitizer:", "AddressSanitizer:", "LeakSanitizer:", ": runtime error:"})
+        if (line.find(sign) != std::string::npos)
+          reports += entry.path().filename().string() + ": " + line + "\n";
+  }
+  return reports;
 }
 
 std::string Deployment::write(const std::string& name, const std::string& text) const {
@@ -161,6 +184,8 @@ std::unique_ptr<Process> Deployment::client(const std::string& name, const std::
                                "--input",  input,
                                "--name",   name,
                                "--outbox", file(name + ".outbox").string()};
+  if (std::find(arguments.begin(), arguments.end(), "--timeout") == arguments.end())
+    all.insert(all.end(), {"--timeout", std::to_string(30 * kTimeScale)});
   all.insert(all.end(), arguments.begin(), arguments.end());
   return start("cairn-client", name, std::move(all));
 }

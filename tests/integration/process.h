@@ -10,6 +10,9 @@
 
 namespace cairn::testing {
 
+// How many times longer everything may take in this build: sanitizers cost time.
+inline constexpr int kTimeScale = CAIRN_TEST_TIMEOUT_SCALE;
+
 // A child process with its output in files. Killed, with SIGKILL, when this goes out of scope.
 class Process {
  public:
@@ -21,10 +24,12 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void signal(int number);
-  // Exit code, or 128 + signal; nothing when it is still running after `timeout`.
+  // Exit code, or 128 + signal; nothing when it is still running after `timeout` times kTimeScale.
   std::optional<int> wait(std::chrono::seconds timeout);
-  // Waits until `text` stands in stderr; false after `timeout` or when the process has ended
-  // before.
+  // Lets it run for exactly that long; false when it has ended by then.
+  bool runs_for(std::chrono::milliseconds time);
+  // Waits until `text` stands in stderr; false after `timeout` times kTimeScale or when the process
+  // has ended before.
   bool wait_for_log(const std::string& text, std::chrono::seconds timeout);
 
   std::string out() const;  // stdout so far
@@ -41,13 +46,15 @@ class Process {
 };
 
 // A folder of its own and a DDS network of its own for one test; removed at the end unless the test
-// has failed.
+// has failed. Clients get the default --timeout times kTimeScale unless their test gives one.
 class Deployment {
  public:
   Deployment();
   ~Deployment();
 
   std::filesystem::path file(const std::string& name) const { return folder_ / name; }
+  // What sanitizers have complained about in the programs so far; a test fails at its end if any.
+  std::string sanitizer_reports() const;
   // Writes a file into the folder and returns its path.
   std::string write(const std::string& name, const std::string& text) const;
 
