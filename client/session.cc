@@ -25,6 +25,8 @@ constexpr int kMaxBacklog = 3;                    // keyframes awaiting mapping,
 constexpr milliseconds kStopCheck{100};           // how soon an interrupt is noticed while waiting
 constexpr std::chrono::seconds kConnectGrace{5};  // --max-rate goes on without a server after this
 constexpr std::chrono::seconds kProgressEvery{5};
+// How long an interrupted client still tries to deliver; the outbox keeps the rest for later.
+constexpr std::chrono::seconds kInterruptedPatience{2};
 
 std::uint64_t random_epoch() {
   std::random_device device;
@@ -46,6 +48,7 @@ class Session {
   Status process(const Frame& frame);
   void take_corrections(nanoseconds at_most);
   Status wait_for_mapping(int backlog, Clock::time_point deadline, bool only_while_connected);
+  void wait_for_delivery(Clock::time_point deadline);
   Status after_keyframe();
   Status finish();
   void show_progress();
@@ -57,6 +60,7 @@ class Session {
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<Link> link_;
   std::map<std::uint32_t, Clock::time_point> sent_;  // keyframes not mapped yet
+  Clock::time_point in_touch_ = Clock::now();        // with the server, last; the start counts too
   Clock::time_point next_progress_ = Clock::now() + kProgressEvery;
   SessionReport report_;
 };
@@ -86,6 +90,7 @@ Status Session::open() {
 }
 
 void Session::take_corrections(nanoseconds at_most) {
+  if (link_->stats().connected) in_touch_ = Clock::now();
   auto update = at_most > nanoseconds::zero() ? link_->wait_update(at_most) : link_->poll_update();
   for (; update; update = link_->poll_update()) {
     tracker_->apply(*update);
@@ -117,11 +122,10 @@ Status Session::process(const Frame& frame) {
 // losing the server only where `only_while_connected` is not set.
 Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
                                  bool only_while_connected) {
-  const auto grace = Clock::now() + kConnectGrace;
   while (tracker_->backlog() > backlog && !stop_) {
     if (Status s = link_->status(); !s) return s;
     const auto now = Clock::now();
-    if (only_while_connected && now > grace && !link_->stats().connected) return {};
+    if (only_while_connected && now - in_touch_ > kConnectGrace) return {};
     if (now > deadline)
       return {ErrorCode::kTimeout,
               fmt::format("{} keyframes still await the server's mapping after {:.0f} s; is "
@@ -130,6 +134,16 @@ Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
     take_corrections(std::min<nanoseconds>(kStopCheck, deadline - now));
   }
   return {};
+}
+
+// Until every keyframe is acknowledged; shorter when interrupted.
+void Session::wait_for_delivery(Clock::time_point deadline) {
+  bool interrupted = false;
+  for (auto now = Clock::now(); now < deadline && link_->status(); now = Clock::now()) {
+    if (!interrupted && stop_) deadline = std::min(deadline, now + kInterruptedPatience);
+    interrupted = stop_;
+    if (link_->wait_delivered(std::min<nanoseconds>(kStopCheck, deadline - now))) return;
+  }
 }
 
 Status Session::after_keyframe() {
@@ -163,7 +177,7 @@ Status Session::finish() {
   if (!options_.no_server) {
     const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
     if (Status s = wait_for_mapping(0, deadline, false); !s) log::warn("{}", s.message());
-    link_->wait_delivered(std::max(nanoseconds::zero(), nanoseconds(deadline - Clock::now())));
+    wait_for_delivery(deadline);
     take_corrections(nanoseconds::zero());
   }
   link_->stop();
