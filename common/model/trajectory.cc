@@ -69,16 +69,25 @@ std::optional<Rigid3> pose_from(const Eigen::Vector3d& t, double qw, double qx, 
   return Rigid3(q.normalized(), t);
 }
 
+// N numbers from the given word on; there are as many.
+template <int N>
+std::optional<Eigen::Vector<double, N>> numbers_from(const std::vector<std::string_view>& words,
+                                                     std::size_t first) {
+  Eigen::Vector<double, N> numbers;
+  for (int i = 0; i < N; ++i) {
+    const auto number = to_number(words[first + i]);
+    if (!number) return std::nullopt;
+    numbers[i] = *number;
+  }
+  return numbers;
+}
+
 std::optional<StampedPose> parse_tum(const std::vector<std::string_view>& words) {
   if (words.size() != 8) return std::nullopt;
   const auto stamp = stamp_from_seconds(words[0]);
-  std::array<double, 7> v{};
-  for (int i = 0; i < 7; ++i) {
-    const auto number = to_number(words[i + 1]);
-    if (!number) return std::nullopt;
-    v[i] = *number;
-  }
-  const auto pose = pose_from({v[0], v[1], v[2]}, v[6], v[3], v[4], v[5]);
+  const auto v = numbers_from<7>(words, 1);
+  if (!v) return std::nullopt;
+  const auto pose = pose_from(v->head<3>(), (*v)[6], (*v)[3], (*v)[4], (*v)[5]);
   if (!stamp || !pose) return std::nullopt;
   return StampedPose{*stamp, *pose};
 }
@@ -90,13 +99,9 @@ std::optional<StampedPose> parse_euroc(const std::vector<std::string_view>& word
       std::from_chars(words[0].data(), words[0].data() + words[0].size(), stamp);
   if (code != std::errc() || end != words[0].data() + words[0].size() || stamp < 0)
     return std::nullopt;
-  std::array<double, 7> v{};
-  for (int i = 0; i < 7; ++i) {
-    const auto number = to_number(words[i + 1]);
-    if (!number) return std::nullopt;
-    v[i] = *number;
-  }
-  const auto pose = pose_from({v[0], v[1], v[2]}, v[3], v[4], v[5], v[6]);
+  const auto v = numbers_from<7>(words, 1);
+  if (!v) return std::nullopt;
+  const auto pose = pose_from(v->head<3>(), (*v)[3], (*v)[4], (*v)[5], (*v)[6]);
   if (!pose) return std::nullopt;
   return StampedPose{stamp, *pose};
 }
@@ -104,12 +109,10 @@ std::optional<StampedPose> parse_euroc(const std::vector<std::string_view>& word
 // KITTI: the stamp comes from elsewhere.
 std::optional<StampedPose> parse_kitti(const std::vector<std::string_view>& words) {
   if (words.size() != 12) return std::nullopt;
+  const auto v = numbers_from<12>(words, 0);
+  if (!v) return std::nullopt;
   Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
-  for (int i = 0; i < 12; ++i) {
-    const auto number = to_number(words[i]);
-    if (!number) return std::nullopt;
-    m(i / 4, i % 4) = *number;
-  }
+  m.topRows<3>() = v->reshaped<Eigen::RowMajor>(3, 4);
   if (std::abs(m.topLeftCorner<3, 3>().determinant() - 1) > 0.05) return std::nullopt;
   return StampedPose{0, Rigid3::from_matrix(m)};
 }

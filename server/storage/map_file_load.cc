@@ -98,7 +98,7 @@ Status load_history(Database& database, Map& map) {
 Result<bool> load_header(Database& database, Map& map) {
   Statement row(database,
                 "SELECT id, revision, merge_epoch, keyframes_ever, next_landmark FROM map");
-  const Result<bool> found = row.step();
+  Result<bool> found = row.step();
   if (!found || !*found) return found;
   map.id.value = row.unsigned_integer(0);
   map.revision = row.unsigned_integer(1);

@@ -2,8 +2,7 @@
 // Deterministic by seed. Header only, for the tests of server/map, mapping, optimize and so on.
 //
 //   SyntheticMap world({.keyframes = 12});
-//   Map map;
-//   for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
+//   Map map = built(world);
 //
 // The camera moves along x, looks along z and turns a little; the first camera is the origin of
 // odom and of map. Every point has a descriptor of its own, of which each view flips a few bits.
@@ -12,11 +11,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <random>
 #include <vector>
 
 #include "common/model/keyframe.h"
+#include "server/map/apply.h"
 
 namespace cairn {
 
@@ -169,5 +170,14 @@ class SyntheticMap {
   std::vector<double> angles_, sizes_;
   std::vector<LandmarkId> name_of_point_;
 };
+
+// The map that comes of the first `keyframes` of them, all by default, before any mapping.
+inline Map built(const SyntheticMap& world,
+                 std::size_t keyframes = std::numeric_limits<std::size_t>::max()) {
+  Map map;
+  for (std::size_t k = 0; k < std::min(keyframes, world.keyframes.size()); ++k)
+    apply_keyframe(map, world.keyframes[k]);
+  return map;
+}
 
 }  // namespace cairn

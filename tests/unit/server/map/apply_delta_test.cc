@@ -13,12 +13,6 @@ namespace {
 
 using testing::IsEmpty;
 
-Map built(const SyntheticMap& world, std::size_t keyframes) {
-  Map map;
-  for (std::size_t k = 0; k < keyframes; ++k) apply_keyframe(map, world.keyframes[k]);
-  return map;
-}
-
 KeyframeId kf(std::uint32_t sequence) {
   return {7, sequence};
 }

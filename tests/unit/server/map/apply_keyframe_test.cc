@@ -13,12 +13,6 @@ namespace {
 
 using testing::IsEmpty;
 
-Map built(const SyntheticMap& world) {
-  Map map;
-  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
-  return map;
-}
-
 std::shared_ptr<Keyframe> changed(const KeyframePtr& keyframe) {
   return std::make_shared<Keyframe>(*keyframe);
 }

@@ -15,12 +15,6 @@ using testing::Contains;
 using testing::IsEmpty;
 using testing::Not;
 
-Map built(const SyntheticMap& world) {
-  Map map;
-  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
-  return map;
-}
-
 KeyframeId kf(std::uint32_t sequence) {
   return {7, sequence};
 }

@@ -15,12 +15,6 @@ namespace {
 
 using testing::IsEmpty;
 
-Map built(const SyntheticMap& world) {
-  Map map;
-  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
-  return map;
-}
-
 std::set<int> points_of(const SyntheticMap& world, const Landmark& landmark) {
   std::set<int> points;
   for (const Observation& o : landmark.observations)

@@ -19,12 +19,6 @@ KeyframeId kf(std::uint32_t sequence) {
   return {7, sequence};
 }
 
-Map built(const SyntheticMap& world) {
-  Map map;
-  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
-  return map;
-}
-
 TEST(LocalWindow, HoldsTheCentreItsFriendsAndWitnesses) {
   const SyntheticMap world({.keyframes = 12, .step = 0.3});
   const Map map = built(world);

@@ -14,12 +14,6 @@ namespace {
 
 using testing::IsEmpty;
 
-Map built(const SyntheticMap& world) {
-  Map map;
-  for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(map, keyframe);
-  return map;
-}
-
 // Keyframes of a depth camera that reports nothing: all is left to the server.
 SyntheticOptions silent(SyntheticOptions options) {
   options.report_share = 0;

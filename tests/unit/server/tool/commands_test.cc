@@ -1,7 +1,6 @@
 // The commands as a user types them: arguments in, exit code and text out.
 #include <unistd.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
@@ -9,10 +8,11 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "common/model/trajectory.h"
 #include "server/storage/map_file.h"
 #include "server/tool/eval_command.h"
 #include "server/tool/map_command.h"
-#include "common/model/trajectory.h"
+#include "tests/unit/server/tool/run_tool.h"
 
 namespace cairn {
 namespace {
@@ -20,30 +20,8 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-struct Outcome {
-  int code = 0;
-  std::string out, err;
-};
-
 Outcome run_command(std::vector<std::string> arguments) {
-  CLI::App app("test", "cairn");
-  app.require_subcommand(1);
-  std::function<int()> run;
-  add_eval_command(app, run);
-  add_map_command(app, run);
-  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them last first
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
-  Outcome outcome;
-  try {
-    app.parse(arguments);
-    outcome.code = run();
-  } catch (const CLI::ParseError& error) {
-    outcome.code = kExitUsage;
-  }
-  outcome.out = testing::internal::GetCapturedStdout();
-  outcome.err = testing::internal::GetCapturedStderr();
-  return outcome;
+  return run_tool({add_eval_command, add_map_command}, std::move(arguments));
 }
 
 class Commands : public ::testing::Test {

@@ -9,35 +9,16 @@
 
 #include "common/model/trajectory.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/server/tool/run_tool.h"
 
 namespace cairn {
 namespace {
 
 using testing::HasSubstr;
 
-struct Outcome {
-  int code = 0;
-  std::string out, err;
-};
-
 Outcome synth(std::vector<std::string> arguments) {
-  CLI::App app("test", "cairn");
-  std::function<int()> run;
-  add_synth_command(app, run);
   arguments.insert(arguments.begin(), {"synth", "--scene", "textureless"});
-  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them last first
-  testing::internal::CaptureStdout();
-  testing::internal::CaptureStderr();
-  Outcome outcome;
-  try {
-    app.parse(arguments);
-    outcome.code = run();
-  } catch (const CLI::ParseError&) {
-    outcome.code = kExitUsage;
-  }
-  outcome.out = testing::internal::GetCapturedStdout();
-  outcome.err = testing::internal::GetCapturedStderr();
-  return outcome;
+  return run_tool({add_synth_command}, std::move(arguments));
 }
 
 TEST(SynthCommand, WritesARecordingWithGroundTruthAndConfig) {
