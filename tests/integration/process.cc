@@ -1,13 +1,13 @@
 #include "tests/integration/process.h"
 
 #include <fcntl.h>
-#include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <memory>
@@ -167,18 +167,18 @@ std::string Deployment::write(const std::string& name, const std::string& text) 
 }
 
 std::unique_ptr<Process> Deployment::start(const std::string& program, const std::string& label,
-                                           std::vector<std::string> arguments) {
+                                           const std::vector<std::string>& arguments) {
   return std::make_unique<Process>(std::string(CAIRN_BINARY_DIR) + "/" + program, arguments,
                                    std::vector<std::string>{"CYCLONEDDS_URI=" + dds_config_},
                                    file(label + std::to_string(++started_)));
 }
 
-std::unique_ptr<Process> Deployment::server(std::vector<std::string> arguments) {
-  return start("cairn-server", "server", std::move(arguments));
+std::unique_ptr<Process> Deployment::server(const std::vector<std::string>& arguments) {
+  return start("cairn-server", "server", arguments);
 }
 
 std::unique_ptr<Process> Deployment::client(const std::string& name, const std::string& input,
-                                            std::vector<std::string> arguments,
+                                            const std::vector<std::string>& arguments,
                                             const std::string& config) {
   std::vector<std::string> all{"--config", config.empty() ? write("client.yaml", "{}\n") : config,
                                "--input",  input,
@@ -187,11 +187,11 @@ std::unique_ptr<Process> Deployment::client(const std::string& name, const std::
   if (std::find(arguments.begin(), arguments.end(), "--timeout") == arguments.end())
     all.insert(all.end(), {"--timeout", std::to_string(30 * kTimeScale)});
   all.insert(all.end(), arguments.begin(), arguments.end());
-  return start("cairn-client", name, std::move(all));
+  return start("cairn-client", name, all);
 }
 
-std::unique_ptr<Process> Deployment::tool(std::vector<std::string> arguments) {
-  return start("cairn", "tool", std::move(arguments));
+std::unique_ptr<Process> Deployment::tool(const std::vector<std::string>& arguments) {
+  return start("cairn", "tool", arguments);
 }
 
 std::optional<fs::path> recording(const std::string& name) {

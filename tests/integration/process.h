@@ -58,15 +58,15 @@ class Deployment {
   // Writes a file into the folder and returns its path.
   std::string write(const std::string& name, const std::string& text) const;
 
-  std::unique_ptr<Process> server(std::vector<std::string> arguments = {});
+  std::unique_ptr<Process> server(const std::vector<std::string>& arguments = {});
   std::unique_ptr<Process> client(const std::string& name, const std::string& input,
-                                  std::vector<std::string> arguments = {},
+                                  const std::vector<std::string>& arguments = {},
                                   const std::string& config = "");
-  std::unique_ptr<Process> tool(std::vector<std::string> arguments);
+  std::unique_ptr<Process> tool(const std::vector<std::string>& arguments);
 
  private:
   std::unique_ptr<Process> start(const std::string& program, const std::string& label,
-                                 std::vector<std::string> arguments);
+                                 const std::vector<std::string>& arguments);
   std::filesystem::path folder_;
   std::string dds_config_;
   int started_ = 0;
