@@ -1,8 +1,8 @@
 // Camera models.
 //
-// A Camera is what a calibration describes: lens distortion included. Features are undistorted once,
-// in the client's front end; from there on everything (tracking, wire, map, optimisation) works in
-// the PinholeCamera, the ideal camera with the same focal length and no distortion.
+// A Camera is what a calibration describes: lens distortion included. Features are undistorted
+// once, in the client's front end; from there on everything (tracking, wire, map, optimisation)
+// works in the PinholeCamera, the ideal camera with the same focal length and no distortion.
 //
 // Camera frame: x right, y down, z forward (metres). Pixels: (0, 0) is the centre of the top left
 // pixel.
@@ -15,9 +15,9 @@
 
 namespace cairn {
 
-// Ideal pinhole camera, for stereo and RGB-D with the baseline of a rectified pair: a point at depth
-// z has the disparity fx * baseline / z. RGB-D sensors have a virtual baseline, which only sets how
-// the weight of depth falls with distance.
+// Ideal pinhole camera, for stereo and RGB-D with the baseline of a rectified pair: a point at
+// depth z has the disparity fx * baseline / z. RGB-D sensors have a virtual baseline, which only
+// sets how the weight of depth falls with distance.
 struct PinholeCamera {
   double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels
   int width = 0, height = 0;              // pixels
@@ -46,7 +46,10 @@ class Camera {
   Camera() = default;
   Camera(LensModel lens, int width, int height, const std::array<double, 4>& fx_fy_cx_cy,
          const std::array<double, 5>& distortion)
-      : lens_(lens), width_(width), height_(height), intrinsics_(fx_fy_cx_cy),
+      : lens_(lens),
+        width_(width),
+        height_(height),
+        intrinsics_(fx_fy_cx_cy),
         distortion_(distortion) {}
 
   LensModel lens() const { return lens_; }

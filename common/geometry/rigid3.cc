@@ -56,14 +56,18 @@ Rigid3 Rigid3::operator*(const Rigid3& other) const {
   return {(rotation * other.rotation).normalized(), rotation * other.translation + translation};
 }
 
-bool Rigid3::is_finite() const { return rotation.coeffs().allFinite() && translation.allFinite(); }
+bool Rigid3::is_finite() const {
+  return rotation.coeffs().allFinite() && translation.allFinite();
+}
 
 Rigid3 perturbed(const Rigid3& b_from_a, const Eigen::Matrix<double, 6, 1>& delta) {
   return {(so3_exp(delta.head<3>()) * b_from_a.rotation).normalized(),
           b_from_a.translation + delta.tail<3>()};
 }
 
-double rotation_angle(const Rigid3& b_from_a) { return so3_log(b_from_a.rotation).norm(); }
+double rotation_angle(const Rigid3& b_from_a) {
+  return so3_log(b_from_a.rotation).norm();
+}
 
 Rigid3 interpolate(const Rigid3& first, const Rigid3& second, double fraction) {
   return {first.rotation.slerp(fraction, second.rotation),

@@ -4,7 +4,9 @@
 
 namespace cairn {
 
-double ScalePyramid::scale(int octave) const { return std::pow(static_cast<double>(factor), octave); }
+double ScalePyramid::scale(int octave) const {
+  return std::pow(static_cast<double>(factor), octave);
+}
 
 double ScalePyramid::variance(int octave) const {
   const double s = scale(octave);

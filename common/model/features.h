@@ -14,10 +14,10 @@ namespace cairn {
 using Descriptor = std::array<std::uint64_t, 4>;
 
 struct Feature {
-  float x = 0, y = 0;        // pixels in the ideal (undistorted) camera, at full resolution
-  float disparity = 0;       // pixels, fx * baseline / depth; 0: depth unknown
-  float angle = 0;           // orientation, radians in [0, 2 pi), clockwise on the image (y down)
-  std::uint8_t octave = 0;   // pyramid level that it was found on, 0 is full resolution
+  float x = 0, y = 0;       // pixels in the ideal (undistorted) camera, at full resolution
+  float disparity = 0;      // pixels, fx * baseline / depth; 0: depth unknown
+  float angle = 0;          // orientation, radians in [0, 2 pi), clockwise on the image (y down)
+  std::uint8_t octave = 0;  // pyramid level that it was found on, 0 is full resolution
 
   Eigen::Vector2d pixel() const { return {x, y}; }
   bool has_depth() const { return disparity > 0; }
@@ -33,11 +33,11 @@ struct Features {
 
 // The pyramid that features were found on. Standard deviations of positions grow with the level.
 struct ScalePyramid {
-  float factor = 1.2f;      // between neighbouring levels
+  float factor = 1.2f;  // between neighbouring levels
   std::uint8_t levels = 8;
 
-  double scale(int octave) const;      // factor ^ octave
-  double variance(int octave) const;   // of a position in pixels^2, with 1 px at level 0
+  double scale(int octave) const;     // factor ^ octave
+  double variance(int octave) const;  // of a position in pixels^2, with 1 px at level 0
   bool operator==(const ScalePyramid&) const = default;
 };
 

@@ -29,8 +29,8 @@ struct KeyframeId {
 };
 
 // Landmarks are named by whoever makes them. A client names the one it makes from feature f of its
-// keyframe s (epoch, s << 16 | f); the server counts its own from 1 with origin 0. Both sides can so
-// make landmarks without asking each other.
+// keyframe s (epoch, s << 16 | f); the server counts its own from 1 with origin 0. Both sides can
+// so make landmarks without asking each other.
 struct LandmarkId {
   std::uint64_t origin = 0;
   std::uint64_t number = 0;

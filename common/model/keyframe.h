@@ -46,8 +46,8 @@ struct Keyframe {
   KeyframeId reference;
   Rigid3 reference_from_camera;
 
-  // At most one match a feature, features ascending. A match whose landmark names this very keyframe
-  // and feature (LandmarkId::from_feature) makes that landmark from the feature's depth.
+  // At most one match a feature, features ascending. A match whose landmark names this very
+  // keyframe and feature (LandmarkId::from_feature) makes that landmark from the feature's depth.
   std::vector<LandmarkMatch> matches;
 };
 

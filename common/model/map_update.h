@@ -16,7 +16,8 @@ namespace cairn {
 struct LandmarkState {
   LandmarkId id;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    // mean viewing direction, landmark to camera, unit length, in map
+  // Mean viewing direction, landmark to camera, unit length, in map.
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   // Distances (metres) between which its features can be found: outside, it shows at an octave that
   // the pyramid does not have.
   float min_distance = 0, max_distance = 0;

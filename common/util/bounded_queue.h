@@ -1,5 +1,5 @@
-// Queue between threads with a limit. Waits on conditions, never polls. All members are safe to call
-// from any thread.
+// Queue between threads with a limit. Waits on conditions, never polls. All members are safe to
+// call from any thread.
 #pragma once
 
 #include <chrono>

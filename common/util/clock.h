@@ -8,7 +8,9 @@ namespace cairn {
 
 inline constexpr std::int64_t kNanosPerSecond = 1'000'000'000;
 
-inline double to_seconds(std::int64_t ns) { return static_cast<double>(ns) * 1e-9; }
+inline double to_seconds(std::int64_t ns) {
+  return static_cast<double>(ns) * 1e-9;
+}
 
 // Milliseconds since construction or the last reset, on the monotonic clock.
 class Stopwatch {

@@ -17,9 +17,9 @@ constexpr double kMaxGap = 3.5;
 
 // The pose nearest in time. `trajectory` is not empty.
 std::size_t nearest(const Trajectory& trajectory, std::int64_t stamp_ns) {
-  const auto after = std::lower_bound(
-      trajectory.begin(), trajectory.end(), stamp_ns,
-      [](const StampedPose& pose, std::int64_t t) { return pose.stamp_ns < t; });
+  const auto after =
+      std::lower_bound(trajectory.begin(), trajectory.end(), stamp_ns,
+                       [](const StampedPose& pose, std::int64_t t) { return pose.stamp_ns < t; });
   const auto index = static_cast<std::size_t>(after - trajectory.begin());
   if (index == trajectory.size()) return index - 1;
   if (index == 0) return 0;
@@ -33,9 +33,7 @@ struct Matched {
   std::vector<IndexPair> pairs;
 
   const StampedPose& truth(std::size_t i) const { return (*input->truth)[pairs[i].truth]; }
-  const StampedPose& estimate(std::size_t i) const {
-    return (*input->estimate)[pairs[i].estimate];
-  }
+  const StampedPose& estimate(std::size_t i) const { return (*input->estimate)[pairs[i].estimate]; }
 };
 
 std::optional<Sim3> alignment(const std::vector<Matched>& all, bool with_scale) {

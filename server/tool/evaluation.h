@@ -15,8 +15,8 @@
 #include <vector>
 
 #include "common/geometry/sim3.h"
-#include "common/util/status.h"
 #include "common/model/trajectory.h"
+#include "common/util/status.h"
 
 namespace cairn {
 

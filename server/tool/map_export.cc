@@ -158,8 +158,7 @@ Trajectory keyframe_trajectory(const Map& map, std::uint64_t epoch) {
 void write_tum(const Map& map, std::ostream& out) {
   for (const std::uint64_t epoch : epochs_of(map)) {
     out << "# client run " << epoch_text(epoch) << ": timestamp tx ty tz qx qy qz qw\n";
-    for (const StampedPose& pose : keyframe_trajectory(map, epoch))
-      out << tum_line(pose) << '\n';
+    for (const StampedPose& pose : keyframe_trajectory(map, epoch)) out << tum_line(pose) << '\n';
   }
 }
 

@@ -11,9 +11,9 @@
 
 #include <Eigen/Core>
 
+#include "common/model/trajectory.h"
 #include "common/util/status.h"
 #include "server/map/map.h"
-#include "common/model/trajectory.h"
 
 namespace cairn {
 

@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include "server/tool/evaluation.h"
 #include "common/model/trajectory.h"
+#include "server/tool/evaluation.h"
 #include "tests/support/synthetic_sequence.h"
 
 namespace cairn::testing {
