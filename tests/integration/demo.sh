@@ -14,7 +14,8 @@ die() { echo "demo: $*" >&2; exit 1; }
 
 [[ $# -ge 1 ]] || die "usage: demo.sh BUILD_DIR [--frames N]"
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
-bin=$(cd "$1" && pwd)/bin
+[[ -d $1/bin ]] || die "$1/bin is missing; ./dev build makes build/release"
+bin=$(cd "$1/bin" && pwd)
 frames=300
 case "${2:-}" in
   "") ;;
