@@ -103,7 +103,7 @@ TEST(Tracker, CorrectionsMoveTheMapPoseButNotTheOdometry) {
   EXPECT_LT((odom_before.translation - r.odom_from_camera.translation).norm(), 0.01);
   // The written trajectory is the corrected one.
   EXPECT_LT(
-      (run.tracker.trajectory().front().map_from_camera.translation - shift.translation).norm(),
+      (run.tracker.trajectory().front().world_from_camera.translation - shift.translation).norm(),
       1e-9);
 }
 
