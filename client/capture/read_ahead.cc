@@ -15,17 +15,19 @@ ReadAhead::ReadAhead(std::string name, CameraConfig camera, std::optional<std::u
       thread_([this](std::stop_token stop) { read(std::move(stop)); }) {}
 
 void ReadAhead::read(std::stop_token stop) {
-  Item item;
+  std::uint64_t skipped = 0;
+  std::string first_skip;
   while (!stop.stop_requested()) {
     Produced produced = produce_();
     if (auto* skip = std::get_if<Skipped>(&produced)) {
       log::warn("frame skipped: {}", skip->why);
-      if (item.skipped++ == 0) item.first_skip = skip->why;
+      if (skipped++ == 0) first_skip = skip->why;
       continue;
     }
+    // Handed over whole: an image that two threads hold lives longer than it is needed.
     auto* frame = std::get_if<Frame>(&produced);
-    item.frame = frame ? std::optional(std::move(*frame)) : std::nullopt;
-    if (!queue_.push(item, stop) || !frame) return;
+    Item item{frame ? std::optional(std::move(*frame)) : std::nullopt, skipped, first_skip};
+    if (!queue_.push(std::move(item), stop) || !frame) return;
   }
 }
 

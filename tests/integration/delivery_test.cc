@@ -65,8 +65,10 @@ TEST(Delivery, AKilledServerContinuesFromItsFile) {
   const std::string map = deployment.file("map.db").string();
   auto server = deployment.server({"--map", map});
   const std::string trajectory = deployment.file("out.tum").string();
-  const auto client = deployment.client("walker", "synth:desk?frames=180",
-                                        {"--timeout", kPatience, "--trajectory", trajectory});
+  std::vector<std::string> arguments{"--timeout", kPatience, "--trajectory", trajectory};
+  if (kSlowBuild) arguments.push_back("--max-rate");
+  const auto client = deployment.client("walker", "synth:desk?frames=180", arguments);
+  ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(seconds(2))) << client->err();
   server->signal(SIGKILL);
   ASSERT_EQ(server->wait(seconds(10)), 128 + SIGKILL);

@@ -69,6 +69,7 @@ TEST(EndToEnd, TheSameInputGivesTheSameTrajectoryInLockstep) {
 }
 
 TEST(EndToEnd, TheServersCorrectionsMakeALongLoopMoreAccurate) {
+  if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   const std::string input = "synth:hall?frames=450";
   const synthetic::SequenceOptions options{.scene = "hall", .frames = 450};
   const Evaluation with_server = run_lockstep(input, options);
@@ -87,6 +88,7 @@ class RealRgbd : public ::testing::TestWithParam<Recording> {};
 
 // Full rate: frames come as fast as tracking and mapping allow, none is left out.
 TEST_P(RealRgbd, IsTrackedAsWellAsByOrbSlam2) {
+  if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   const auto folder = recording(GetParam().folder);
   if (!folder) GTEST_SKIP() << "no recording " << GetParam().folder << "; set CAIRN_DATA";
   Deployment deployment;

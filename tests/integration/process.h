@@ -12,6 +12,8 @@ namespace cairn::testing {
 
 // How many times longer everything may take in this build: sanitizers cost time.
 inline constexpr int kTimeScale = CAIRN_TEST_TIMEOUT_SCALE;
+// Too slow to keep up with a camera: recordings at their own pace lose most of their frames.
+inline constexpr bool kSlowBuild = kTimeScale > 1;
 
 // A child process with its output in files. Killed, with SIGKILL, when this goes out of scope.
 class Process {
