@@ -32,6 +32,8 @@ void read_frontend(Section section, FrontendOptions& frontend) {
   extractor.pyramid.factor =
       static_cast<float>(section.number_or("factor", extractor.pyramid.factor, {1.05, 2}));
   frontend.threads = static_cast<int>(section.integer_or("threads", frontend.threads, {1, 2}));
+  frontend.depth_error_m = section.number_or("depth_error_m", frontend.depth_error_m, {0.005, 1});
+  frontend.max_depth_m = section.number_or("max_depth_m", frontend.max_depth_m, {0.1, 1000});
   frontend.max_depth_baselines =
       section.number_or("max_depth_baselines", frontend.max_depth_baselines, {1, 1000});
   if (auto sharpen = section.optional_section("sharpen")) read_entropy(*sharpen, extractor.entropy);

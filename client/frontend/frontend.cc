@@ -11,13 +11,20 @@ namespace cairn {
 namespace {
 
 Rig make_rig(const CameraConfig& config, const FrontendOptions& options) {
-  const double baseline = config.sensor == Sensor::kRgbd     ? options.virtual_baseline_m
-                          : config.sensor == Sensor::kStereo ? config.baseline_m
-                                                             : 0.0;
+  double baseline = 0, max_depth = 0;
+  if (config.sensor == Sensor::kStereo) {
+    baseline = config.baseline_m;
+    max_depth = options.max_depth_baselines * baseline;
+  } else if (config.sensor == Sensor::kRgbd) {
+    // The imagined second camera whose disparity of one pixel is as uncertain as the depth:
+    // sigma_z = z^2 / (fx baseline) sigma_d.
+    baseline = 1.0 / (config.camera.intrinsics()[0] * options.depth_error_m);
+    max_depth = options.max_depth_m;
+  }
   return {.sensor = config.sensor,
           .camera = config.camera.ideal(baseline),
           .pyramid = options.extractor.pyramid,
-          .max_depth = options.max_depth_baselines * baseline};
+          .max_depth = max_depth};
 }
 
 StereoOptions stereo_options(const Rig& rig, const FrontendOptions& options) {

@@ -15,10 +15,12 @@ namespace cairn {
 
 struct FrontendOptions {
   ExtractorOptions extractor = {};
-  // RGB-D: baseline of the imagined second camera, metres. It sets how the weight of a depth falls
-  // with distance: one pixel of disparity, as of a Kinect.
-  double virtual_baseline_m = 0.075;
-  double max_depth_baselines = 40;  // Rig::max_depth, in baselines
+  // RGB-D: standard deviation of a depth of one metre, in metres; it grows with the square of the
+  // depth, as that of a stereo camera does. What counts is how well depth fits the image: noise,
+  // calibration, registration and the offset between the two exposures together.
+  double depth_error_m = 0.02;
+  double max_depth_m = 3;           // RGB-D: Rig::max_depth
+  double max_depth_baselines = 40;  // stereo: Rig::max_depth, in baselines
   double min_depth_baselines = 1;   // stereo: nothing nearer is looked for
   int threads = 1;                  // 2: left and right of a stereo pair at the same time
   StereoOptions stereo = {};        // max_disparity 0: fx / min_depth_baselines

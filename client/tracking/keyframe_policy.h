@@ -13,7 +13,7 @@ struct KeyframePolicyOptions {
   int min_frames_between = 0;
   // Of the landmarks that the reference keyframe shows, fewer than this share still in view calls
   // for a keyframe. Higher makes more keyframes.
-  double min_shared = 0.4;
+  double min_shared = 0.33;
   // Below this share tracking is weak: a keyframe even when the mapper is busy.
   double weak_shared = 0.15;
   // Near points, whose depth gives scale and translation: fewer than `min_near_tracked` in view

@@ -10,8 +10,9 @@ int refine_pose(TrackedFrame& frame) {
   for (std::size_t f = 0; f < frame.matches.size(); ++f) {
     if (!frame.matches[f].matched) continue;
     const Feature& feature = frame.features.points[f];
-    observations.push_back({frame.matches[f].position, feature.pixel(), feature.disparity,
-                            measurement_sigma(*frame.rig, feature.octave)});
+    observations.push_back(
+        {frame.matches[f].position, feature.pixel(), feature.disparity,
+         measurement_sigma(*frame.rig, frame.rig->pyramid.scale(feature.octave))});
     feature_of.push_back(f);
   }
   const PoseSolution solution = solve_pose(frame.rig->camera, frame.map_from_camera, observations);

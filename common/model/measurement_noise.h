@@ -1,5 +1,5 @@
-// How far a feature's measurement may lie from where its landmark projects: the one noise model that
-// tracking, mapping and optimisation weigh residuals with.
+// How far a feature's measurement may lie from where its landmark projects: the one noise model
+// that tracking, mapping and optimisation weigh residuals with.
 #pragma once
 
 #include "common/model/keyframe.h"
@@ -10,15 +10,18 @@ namespace cairn {
 inline constexpr double kChi2TwoDof = 5.991;    // u, v
 inline constexpr double kChi2ThreeDof = 7.815;  // u, v, disparity
 
-// Standard deviations in pixels of u and v, and of the disparity, of a feature found at `octave`.
+// Standard deviations in pixels of u and v, and of the disparity.
 struct MeasurementSigma {
   double pixel = 1;
   double disparity = 1;
 };
 
-inline MeasurementSigma measurement_sigma(const Rig& rig, int octave) {
-  const double scale = rig.pyramid.scale(octave);
-  return {scale, scale};
+// `scale` is that of the octave that the feature was found at. A stereo disparity is found on that
+// octave's pixels and is as coarse as they are. An RGB-D sensor measures depth apart from the
+// image, so that it is as good for coarse features as for fine ones; the rig's virtual baseline
+// makes it one pixel.
+inline MeasurementSigma measurement_sigma(const Rig& rig, double scale) {
+  return {scale, rig.sensor == Sensor::kRgbd ? 1.0 : scale};
 }
 
 }  // namespace cairn

@@ -1,5 +1,6 @@
 #include <limits>
 
+#include "common/model/measurement_noise.h"
 #include "server/map/apply.h"
 #include "server/map/map_editor.h"
 #include "server/map/refresh.h"
@@ -118,12 +119,13 @@ double reprojection_chi2(const KeyframeNode& node, std::uint16_t feature,
   if (!(p.z() > 0)) return std::numeric_limits<double>::infinity();
   const PinholeCamera& camera = node.rig().camera;
   const Feature& f = node.features().points[feature];
-  double squared = (camera.project(p) - f.pixel()).squaredNorm();
+  const MeasurementSigma sigma = measurement_sigma(node.rig(), node.rig().pyramid.scale(f.octave));
+  double chi2 = ((camera.project(p) - f.pixel()) / sigma.pixel).squaredNorm();
   if (f.has_depth()) {
-    const double error = camera.disparity(p.z()) - f.disparity;
-    squared += error * error;
+    const double error = (camera.disparity(p.z()) - f.disparity) / sigma.disparity;
+    chi2 += error * error;
   }
-  return squared / node.rig().pyramid.variance(f.octave);
+  return chi2;
 }
 
 KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/feature/hamming.h"
+#include "common/model/measurement_noise.h"
 #include "server/map/apply.h"
 
 namespace cairn {
@@ -58,12 +59,11 @@ std::optional<Projection> KeyframeView::project(const Landmark& landmark) const 
 }
 
 bool KeyframeView::fits(const Projection& projection, const Feature& f) const {
-  double squared = (projection.pixel - f.pixel()).squaredNorm();
-  const double variance = scale(f.octave) * scale(f.octave);
-  if (!f.has_depth()) return squared <= kChi2Pixel * variance;
-  const double error = projection.disparity - f.disparity;
-  squared += error * error;
-  return squared <= kChi2Depth * variance;
+  const MeasurementSigma sigma = measurement_sigma(node->rig(), scale(f.octave));
+  const double chi2 = ((projection.pixel - f.pixel()) / sigma.pixel).squaredNorm();
+  if (!f.has_depth()) return chi2 <= kChi2Pixel;
+  const double error = (projection.disparity - f.disparity) / sigma.disparity;
+  return chi2 + error * error <= kChi2Depth;
 }
 
 std::optional<std::uint16_t> KeyframeView::find(const Landmark& landmark,

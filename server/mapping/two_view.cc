@@ -5,6 +5,8 @@
 
 #include <Eigen/Dense>
 
+#include "common/model/measurement_noise.h"
+
 namespace cairn {
 namespace {
 
@@ -24,17 +26,18 @@ struct Normal {
 // point X has depth z = R3 X + t3, and u = (pixel - c) / f gives (R1 - u R3) X = u t3 - t1.
 void add_rows(const Ray& ray, double depth, Normal& normal) {
   const PinholeCamera& camera = ray.node->rig().camera;
-  const double sigma = ray.node->rig().pyramid.scale(ray.feature->octave);
+  const Rig& rig = ray.node->rig();
+  const MeasurementSigma sigma = measurement_sigma(rig, rig.pyramid.scale(ray.feature->octave));
   const Eigen::Matrix3d r = ray.camera_from_map->rotation.toRotationMatrix();
   const Eigen::Vector3d& t = ray.camera_from_map->translation;
   const Eigen::Vector3d u = camera.unproject(ray.feature->pixel(), 1.0);
-  const Eigen::Vector2d weight = Eigen::Vector2d(camera.fx, camera.fy) / (depth * sigma);
+  const Eigen::Vector2d weight = Eigen::Vector2d(camera.fx, camera.fy) / (depth * sigma.pixel);
   for (int i = 0; i < 2; ++i)
     normal.add(weight[i] * (r.row(i) - u[i] * r.row(2)).transpose(),
                weight[i] * (u[i] * t.z() - t[i]));
   if (!ray.feature->has_depth()) return;
   // disparity z = fx baseline
-  const double w = 1.0 / (depth * sigma);
+  const double w = 1.0 / (depth * sigma.disparity);
   const double d = ray.feature->disparity;
   normal.add(w * d * r.row(2).transpose(), w * (camera.fx * camera.baseline - d * t.z()));
 }

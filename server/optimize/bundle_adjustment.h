@@ -23,7 +23,6 @@
 namespace cairn {
 
 struct BundleOptions {
-  ObservationNoise noise;
   int first_iterations = 5;    // with the outliers
   int second_iterations = 10;  // without
   // A round ends when a step lowers the cost by less than this fraction.
@@ -82,7 +81,7 @@ struct BundleProblem {
 // has to say where the map lies.
 BundleProblem extract_bundle(const Map& map, std::span<const KeyframeId> free_keyframes,
                              std::span<const KeyframeId> fixed_keyframes,
-                             std::span<const LandmarkId> landmarks, const ObservationNoise& noise);
+                             std::span<const LandmarkId> landmarks);
 
 // Solves in place. Afterwards `active` tells which observations agree with the result. When asked
 // to stop it ends after the step at hand with the best state so far.

@@ -37,8 +37,7 @@ void hold_gauge(const Map& map, BundleProblem& problem) {
   })->fixed = true;
 }
 
-void add_landmark(const Landmark& landmark, const Views& views, const ObservationNoise& noise,
-                  BundleProblem& problem) {
+void add_landmark(const Landmark& landmark, const Views& views, BundleProblem& problem) {
   const auto point = static_cast<std::uint32_t>(problem.points.size());
   const std::size_t first_term = problem.terms.size();
   for (const Observation& observation : landmark.observations) {
@@ -47,7 +46,7 @@ void add_landmark(const Landmark& landmark, const Views& views, const Observatio
     const KeyframeNode& node = *view->second.node;
     const Feature& feature = node.features().points[observation.feature];
     problem.terms.push_back(
-        {view->second.pose, point, observation, Reprojection(node.rig(), feature, noise), true});
+        {view->second.pose, point, observation, Reprojection(node.rig(), feature), true});
   }
   if (problem.terms.size() - first_term >= 2) {
     problem.points.push_back({landmark.id, landmark.position});
@@ -67,7 +66,7 @@ void add_landmark(const Landmark& landmark, const Views& views, const Observatio
 
 BundleProblem extract_bundle(const Map& map, std::span<const KeyframeId> free_keyframes,
                              std::span<const KeyframeId> fixed_keyframes,
-                             std::span<const LandmarkId> landmarks, const ObservationNoise& noise) {
+                             std::span<const LandmarkId> landmarks) {
   BundleProblem problem;
   Views views;
   problem.poses.reserve(free_keyframes.size() + fixed_keyframes.size());
@@ -80,7 +79,7 @@ BundleProblem extract_bundle(const Map& map, std::span<const KeyframeId> free_ke
   problem.terms.reserve(4 * landmarks.size());
   for (const LandmarkId& id : landmarks) {
     const Landmark* landmark = map.landmarks.find(id);
-    if (landmark && landmark->position.allFinite()) add_landmark(*landmark, views, noise, problem);
+    if (landmark && landmark->position.allFinite()) add_landmark(*landmark, views, problem);
   }
   return problem;
 }

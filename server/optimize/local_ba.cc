@@ -8,8 +8,8 @@ MapDelta solve_local_ba(const Map& snapshot, const LocalWindow& window,
                         const LocalBaOptions& options, LocalBaSummary* summary,
                         std::stop_token stop) {
   const Stopwatch watch;
-  BundleProblem problem = extract_bundle(snapshot, window.free_keyframes, window.fixed_keyframes,
-                                         window.landmarks, options.bundle.noise);
+  BundleProblem problem =
+      extract_bundle(snapshot, window.free_keyframes, window.fixed_keyframes, window.landmarks);
   const double extract_ms = watch.milliseconds();
   BundleSummary result = solve_bundle(problem, options.bundle, std::move(stop));
   result.extract_ms = extract_ms;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "common/model/measurement_noise.h"
+
 namespace cairn {
 namespace {
 
@@ -35,7 +37,7 @@ Rigid3 to_rigid(const PoseState& s) {
           Eigen::Vector3d(s[4], s[5], s[6])};
 }
 
-Reprojection::Reprojection(const Rig& rig, const Feature& feature, const ObservationNoise& noise)
+Reprojection::Reprojection(const Rig& rig, const Feature& feature)
     : rows_(feature.has_depth() && rig.camera.baseline > 0 ? 3 : 2),
       coupling_(rig.sensor == Sensor::kStereo ? 1.0 : 0.0),
       fx_(rig.camera.fx),
@@ -43,11 +45,10 @@ Reprojection::Reprojection(const Rig& rig, const Feature& feature, const Observa
       cx_(rig.camera.cx),
       cy_(rig.camera.cy),
       fx_baseline_(rig.camera.fx * rig.camera.baseline) {
-  const double depth_sigma = rig.sensor == Sensor::kStereo ? noise.stereo : noise.rgbd;
-  const double scale = rig.pyramid.scale(feature.octave);
+  const MeasurementSigma sigma = measurement_sigma(rig, rig.pyramid.scale(feature.octave));
   measured_ = {feature.x, feature.y, coupling_ * feature.x - feature.disparity};
   if (coupling_ == 0) measured_.z() = feature.disparity;
-  weight_ = Eigen::Vector3d(1 / noise.pixel, 1 / noise.pixel, 1 / depth_sigma) / scale;
+  weight_ = {1 / sigma.pixel, 1 / sigma.pixel, 1 / sigma.disparity};
 }
 
 bool Reprojection::evaluate(const double* pose, const double* point, double* errors,

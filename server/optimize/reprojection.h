@@ -22,20 +22,6 @@
 
 namespace cairn {
 
-// Standard deviations in pixels at octave 0; they grow with the octave's scale.
-//
-// A structured-light camera measures disparity to about 0.06 px of the virtual baseline
-// (Khoshelham and Elberink 2012: 1.4 mm at 1 m), but adds what is systematic: depth beside an edge,
-// lens and clock offsets, no registration to the colour image. Measured with 1.0, 0.5 and 0.2 px
-// and two states of the front end: trajectory error on TUM fr1/rpy of 31 and 28, 28 and 27, 23 and
-// 32 mm; on 7-Scenes kitchen (depth not registered) of 30 and 28, 34 and 31, 33 and 32 mm. No value
-// is better on both.
-struct ObservationNoise {
-  double pixel = 1.0;
-  double stereo = 1.0;  // of the column in the right image
-  double rgbd = 1.0;    // of the virtual disparity
-};
-
 // A pose in the order that the solver wants: quaternion x y z w, then the translation.
 using PoseState = std::array<double, 7>;
 PoseState to_state(const Rigid3& pose);
@@ -49,7 +35,7 @@ class Reprojection {
   // Metres. Nearer points, and those behind the camera, can't be seen.
   static constexpr double kMinDepth = 1e-3;
 
-  Reprojection(const Rig& rig, const Feature& feature, const ObservationNoise& noise);
+  Reprojection(const Rig& rig, const Feature& feature);
 
   bool has_depth() const { return rows_ == 3; }
   int rows() const { return rows_; }

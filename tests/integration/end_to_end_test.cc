@@ -17,6 +17,9 @@ struct Recording {
   std::string folder, config;
   int frames;
   double max_ate;  // metres; that of ORB-SLAM2 on the same images
+
+  // In the test's name, which GoogleTest would fill with the bytes of this struct otherwise.
+  friend void PrintTo(const Recording& recording, std::ostream* out) { *out << recording.folder; }
 };
 
 // Runs a client in lockstep and returns its trajectory's error.

@@ -47,6 +47,8 @@ TEST(ClientConfig, TheFullyCommentedFileShowsTheDefaults) {
   EXPECT_EQ(extractor.entropy.mode, plain.entropy.mode);
   EXPECT_EQ(extractor.entropy.block, plain.entropy.block);
   EXPECT_EQ(extractor.entropy.delta, plain.entropy.delta);
+  EXPECT_EQ(shown->frontend.depth_error_m, defaults.frontend.depth_error_m);
+  EXPECT_EQ(shown->frontend.max_depth_m, defaults.frontend.max_depth_m);
   EXPECT_EQ(shown->frontend.max_depth_baselines, defaults.frontend.max_depth_baselines);
   EXPECT_EQ(shown->frontend.threads, defaults.frontend.threads);
   EXPECT_EQ(shown->tracker.min_inliers, defaults.tracker.min_inliers);

@@ -73,7 +73,7 @@ TEST(UndistortMap, GivesNothingOutsideTheImageOrTheLensModel) {
 TEST(Frontend, DescribesTheRigThatFeaturesBelongTo) {
   const Rig rgbd = Frontend(camera(Sensor::kRgbd, kTumDistortion)).rig();
   EXPECT_EQ(rgbd.sensor, Sensor::kRgbd);
-  EXPECT_DOUBLE_EQ(rgbd.camera.baseline, 0.075);
+  EXPECT_DOUBLE_EQ(rgbd.camera.baseline, 1 / (rgbd.camera.fx * 0.02));
   EXPECT_DOUBLE_EQ(rgbd.max_depth, 3.0);
   EXPECT_DOUBLE_EQ(rgbd.camera.fx, 517.3);
   EXPECT_EQ(rgbd.pyramid.levels, 8);

@@ -24,13 +24,13 @@ TEST(KeyframePolicy, LeavesASteadyViewAlone) {
 
 TEST(KeyframePolicy, TakesAKeyframeWhenLandmarksLeaveTheView) {
   KeyframeSituation now = steady();
-  now.shown_landmarks = 70;
+  now.shown_landmarks = 60;
   EXPECT_TRUE(wants_keyframe({}, now));
 }
 
 TEST(KeyframePolicy, WaitsForTheMapperUnlessOverdueOrWeak) {
   KeyframeSituation now = steady();
-  now.shown_landmarks = 70;
+  now.shown_landmarks = 60;
   now.backlog = 1;
   EXPECT_FALSE(wants_keyframe({}, now));
   now.frames_since_keyframe = 30;

@@ -186,7 +186,7 @@ TEST(BundleAdjustment, WholeMapWithSparseSolverFindsTheTruth) {
   std::vector<KeyframeId> free = map.keyframes.sorted_keys();
   disturb(map, {free.begin() + 1, free.end()}, 0.002, 0.005, 0.005);
   const auto landmarks = map.landmarks.sorted_keys();
-  BundleProblem problem = extract_bundle(map, free, {}, landmarks, {});
+  BundleProblem problem = extract_bundle(map, free, {}, landmarks);
   const BundleSummary summary = solve_bundle(problem, {});
   ASSERT_TRUE(summary.usable) << summary.message;
   EXPECT_EQ(summary.fixed_keyframes, 1);
