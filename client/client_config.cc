@@ -47,6 +47,8 @@ void read_tracking(Section section, TrackerOptions& tracker) {
   tracker.min_inliers_after_loss =
       count("min_inliers_after_loss", tracker.min_inliers_after_loss, 6, 1000);
   tracker.min_start_features = count("min_start_features", tracker.min_start_features, 10, 10000);
+  tracker.landmarks_per_keyframe =
+      count("landmarks_per_keyframe", tracker.landmarks_per_keyframe, 50, 10000);
   tracker.min_new_landmarks = count("min_new_landmarks", tracker.min_new_landmarks, 0, 10000);
   tracker.last_frame_radius =
       section.number_or("last_frame_radius", tracker.last_frame_radius, {1, 200});

@@ -157,6 +157,26 @@ bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
   return cairn::wants_keyframe(options_.keyframes, now);
 }
 
+// Nearest first: their depth is best.
+void Tracker::make_landmarks(KeyframeId keyframe, TrackedFrame& frame) const {
+  std::vector<std::pair<double, std::size_t>> candidates;
+  int shown = 0;
+  for (std::size_t f = 0; f < frame.features.size(); ++f) {
+    if (frame.matches[f].shows_landmark())
+      ++shown;
+    else if (frame.features.points[f].has_depth())
+      candidates.emplace_back(rig_->camera.depth(frame.features.points[f].disparity), f);
+  }
+  std::sort(candidates.begin(), candidates.end());
+  for (int made = 0; made < static_cast<int>(candidates.size()); ++made) {
+    const auto& [depth, f] = candidates[static_cast<std::size_t>(made)];
+    const bool enough = shown + made >= options_.landmarks_per_keyframe || depth > rig_->max_depth;
+    if (enough && made >= options_.min_new_landmarks) break;
+    frame.matches[f] = {true, LandmarkId::from_feature(keyframe, static_cast<std::uint16_t>(f)),
+                        frame.point_in_map(f)};
+  }
+}
+
 KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
   auto keyframe = std::make_shared<Keyframe>();
   keyframe->id = {epoch_, next_sequence_++};
@@ -167,18 +187,7 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
   if (const auto map_from_reference = map_.pose_of(reference_))
     keyframe->reference_from_camera = map_from_reference->inverse() * frame.map_from_camera;
 
-  // Nearest first: their depth is best.
-  std::vector<std::pair<double, std::size_t>> new_points;
-  for (std::size_t f = 0; f < frame.features.size(); ++f)
-    if (frame.features.points[f].has_depth() && !frame.matches[f].shows_landmark())
-      new_points.emplace_back(rig_->camera.depth(frame.features.points[f].disparity), f);
-  std::sort(new_points.begin(), new_points.end());
-  for (std::size_t i = 0; i < new_points.size(); ++i) {
-    const auto& [depth, f] = new_points[i];
-    if (depth > rig_->max_depth && i >= static_cast<std::size_t>(options_.min_new_landmarks)) break;
-    frame.matches[f] = {true, LandmarkId::from_feature(keyframe->id, static_cast<std::uint16_t>(f)),
-                        frame.point_in_map(f)};
-  }
+  make_landmarks(keyframe->id, frame);
   for (std::size_t f = 0; f < frame.features.size(); ++f)
     if (frame.matches[f].shows_landmark())
       keyframe->matches.push_back({static_cast<std::uint16_t>(f), frame.matches[f].landmark});

@@ -22,8 +22,11 @@ struct TrackerOptions {
   int min_inliers_after_loss = 40;
   // Features with depth that a first frame must have to start a map.
   int min_start_features = 60;
-  // Features nearer than this share the making of a keyframe's provisional landmarks: all within
-  // the rig's max_depth, and at least this many of the nearest.
+  // A keyframe makes provisional landmarks of its nearest features with depth until it shows
+  // `landmarks_per_keyframe` in all, but always at least `min_new_landmarks`; those beyond the
+  // rig's max_depth only to reach the latter. More would crowd out the landmarks that earlier
+  // keyframes have confirmed, and let the map drift with each blurred view.
+  int landmarks_per_keyframe = 300;
   int min_new_landmarks = 100;
   double last_frame_radius = 15;  // pixels, search around a predicted position
   double local_map_radius = 1.2;  // factor on the search radius around a landmark's projection
@@ -71,6 +74,7 @@ class Tracker {
   int match_local_map(TrackedFrame& frame);
   void choose_reference(const TrackedFrame& frame);
   bool wants_keyframe(const TrackedFrame& frame, int landmarks) const;
+  void make_landmarks(KeyframeId keyframe, TrackedFrame& frame) const;
   KeyframePtr make_keyframe(TrackedFrame& frame);
   void record(const TrackedFrame& frame);
 

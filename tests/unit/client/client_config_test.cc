@@ -54,6 +54,7 @@ TEST(ClientConfig, TheFullyCommentedFileShowsTheDefaults) {
   EXPECT_EQ(shown->tracker.min_inliers, defaults.tracker.min_inliers);
   EXPECT_EQ(shown->tracker.min_inliers_after_loss, defaults.tracker.min_inliers_after_loss);
   EXPECT_EQ(shown->tracker.min_start_features, defaults.tracker.min_start_features);
+  EXPECT_EQ(shown->tracker.landmarks_per_keyframe, defaults.tracker.landmarks_per_keyframe);
   EXPECT_EQ(shown->tracker.min_new_landmarks, defaults.tracker.min_new_landmarks);
   EXPECT_EQ(shown->tracker.last_frame_radius, defaults.tracker.last_frame_radius);
   EXPECT_EQ(shown->tracker.local_map_radius, defaults.tracker.local_map_radius);
