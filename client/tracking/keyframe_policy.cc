@@ -3,7 +3,9 @@
 namespace cairn {
 
 bool wants_keyframe(const KeyframePolicyOptions& options, const KeyframeSituation& now) {
-  if (now.frames_since_keyframe < options.min_frames_between) return false;
+  if (now.frames_since_keyframe < options.min_frames_between &&
+      now.shown_landmarks >= options.few_landmarks)
+    return false;
   const bool needs_near =
       now.near_tracked < options.min_near_tracked && now.near_new > options.min_near_new;
   const bool view_changed =

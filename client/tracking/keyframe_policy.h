@@ -9,8 +9,11 @@ namespace cairn {
 struct KeyframePolicyOptions {
   // A keyframe at least this often, as long as the mapper keeps up (frames; a second's worth).
   int max_frames_between = 30;
-  // No keyframe sooner than this after the last one (frames).
-  int min_frames_between = 0;
+  // No keyframe sooner than this after the last one (frames), unless fewer than `few_landmarks` are
+  // left in view. Bursts of keyframes while the camera turns fast fill the map with what blurred
+  // images show, before the server has sorted out the first of them.
+  int min_frames_between = 5;
+  int few_landmarks = 50;
   // Of the landmarks that the reference keyframe shows, fewer than this share still in view calls
   // for a keyframe. Higher makes more keyframes.
   double min_shared = 0.33;

@@ -87,24 +87,40 @@ TEST(EndToEnd, TheServersCorrectionsMakeALongLoopMoreAccurate) {
       << "with " << with_server.ate.rmse << " m, without " << without.ate.rmse << " m";
 }
 
-class RealRgbd : public ::testing::TestWithParam<Recording> {};
+class RealRgbd : public ::testing::TestWithParam<Recording> {
+ protected:
+  // Runs the recording with every frame, expects all of them tracked, and returns the ATE in
+  // metres.
+  double ate_of_run(const std::filesystem::path& folder, const std::string& pace) {
+    Deployment deployment;
+    const auto server = deployment.server();
+    const std::string trajectory = deployment.file("out.tum").string();
+    const auto client =
+        deployment.client("camera", "tum:" + folder.string(), {pace, "--trajectory", trajectory},
+                          std::string(CAIRN_SOURCE_DIR) + "/config/" + GetParam().config);
+    EXPECT_EQ(client->wait(seconds(240)), 0) << client->err();
+    EXPECT_EQ(client->reported("tracked"), GetParam().frames);
+    const Result<Trajectory> truth = read_trajectory((folder / "groundtruth.txt").string());
+    EXPECT_TRUE(truth.ok());
+    return truth.ok() ? evaluate_file(*truth, trajectory).ate.rmse : 1.0;
+  }
+};
 
-// Full rate: frames come as fast as tracking and mapping allow, none is left out.
+// In lockstep, where the same input gives the same output whatever else the machine does.
 TEST_P(RealRgbd, IsTrackedAsWellAsByOrbSlam2) {
   if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   const auto folder = recording(GetParam().folder);
   if (!folder) GTEST_SKIP() << "no recording " << GetParam().folder << "; set CAIRN_DATA";
-  Deployment deployment;
-  const auto server = deployment.server();
-  const std::string trajectory = deployment.file("out.tum").string();
-  const auto client = deployment.client(
-      "camera", "tum:" + folder->string(), {"--max-rate", "--trajectory", trajectory},
-      std::string(CAIRN_SOURCE_DIR) + "/config/" + GetParam().config);
-  ASSERT_EQ(client->wait(seconds(240)), 0) << client->err();
-  EXPECT_EQ(client->reported("tracked"), GetParam().frames);
-  const Result<Trajectory> truth = read_trajectory((*folder / "groundtruth.txt").string());
-  ASSERT_TRUE(truth.ok());
-  EXPECT_LE(evaluate_file(*truth, trajectory).ate.rmse, GetParam().max_ate);
+  EXPECT_LE(ate_of_run(*folder, "--lockstep"), GetParam().max_ate);
+}
+
+// As fast as tracking and mapping allow. Which corrections are in when a frame comes depends on the
+// machine, and the error with it: single runs are held to twice the figure.
+TEST_P(RealRgbd, LosesNoFrameAtFullRate) {
+  if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
+  const auto folder = recording(GetParam().folder);
+  if (!folder) GTEST_SKIP() << "no recording " << GetParam().folder << "; set CAIRN_DATA";
+  EXPECT_LE(ate_of_run(*folder, "--max-rate"), 2 * GetParam().max_ate);
 }
 
 INSTANTIATE_TEST_SUITE_P(

@@ -50,12 +50,15 @@ TEST(KeyframePolicy, TakesAKeyframeWhenNearPointsRunOut) {
   EXPECT_FALSE(wants_keyframe({}, now));
 }
 
-TEST(KeyframePolicy, KeepsTheLeastDistance) {
+TEST(KeyframePolicy, KeepsTheLeastDistanceUnlessFewLandmarksAreLeft) {
   KeyframeSituation now = steady();
-  now.shown_landmarks = 10;
+  now.shown_landmarks = 55;
   now.frames_since_keyframe = 4;
   EXPECT_FALSE(wants_keyframe({.min_frames_between = 5}, now));
   now.frames_since_keyframe = 5;
+  EXPECT_TRUE(wants_keyframe({.min_frames_between = 5}, now));
+  now.frames_since_keyframe = 1;
+  now.shown_landmarks = 49;
   EXPECT_TRUE(wants_keyframe({.min_frames_between = 5}, now));
 }
 
