@@ -69,6 +69,11 @@ Status Session::open() {
   Result<std::unique_ptr<FrameSource>> source = open_source(options_.input, options_.config.camera);
   if (!source) return source.error();
   source_ = std::move(*source);
+  if (source_->camera().sensor == Sensor::kMono)
+    return {ErrorCode::kInvalidArgument,
+            fmt::format("{}: a single camera without depth can't start a map yet; use an rgbd or "
+                        "stereo sensor",
+                        options_.input)};
   frontend_ = std::make_unique<Frontend>(source_->camera(), options_.config.frontend);
 
   const ClientId client{options_.name, random_epoch()};
