@@ -158,7 +158,7 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
 }
 
 void LocalMap::apply(const MapUpdate& update) {
-  if (update.is_refresh()) forget_servers_landmarks();
+  if (update.is_refresh()) forget_servers_landmarks(update);
   std::unordered_map<KeyframeId, Rigid3> old_poses;
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
 
@@ -184,10 +184,15 @@ void LocalMap::apply(const MapUpdate& update) {
   enforce_limits();
 }
 
-void LocalMap::forget_servers_landmarks() {
+// What the server has mapped and does not tell of any more is gone; what it has not mapped yet is
+// the client's own.
+void LocalMap::forget_servers_landmarks(const MapUpdate& update) {
   std::vector<LandmarkId> known;
-  for (const auto& [id, slot] : by_id_)
-    if (!slots_[slot].anchor.is_valid()) known.push_back(id);
+  for (const auto& [id, slot] : by_id_) {
+    const KeyframeId anchor = slots_[slot].anchor;
+    if (anchor.epoch != update.epoch || anchor.sequence < update.mapped_keyframes)
+      known.push_back(id);
+  }
   for (const LandmarkId id : known) remove(id);
 }
 

@@ -93,7 +93,7 @@ class LocalMap {
   void rename(LandmarkId from, LandmarkId to);
   std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;
   LandmarkId current_name(LandmarkId id) const;
-  void forget_servers_landmarks();
+  void forget_servers_landmarks(const MapUpdate& update);
   void place_keyframes(const MapUpdate& update);
   void update_landmark(const LandmarkState& state);
   void enforce_limits();

@@ -163,6 +163,9 @@ TEST(LocalMap, ARefreshReplacesWhatTheServerSaidBefore) {
   map.apply(refresh);
   EXPECT_FALSE(map.find(made.id));
   EXPECT_TRUE(map.find(name(0, 0))) << "provisional landmarks are the client's own";
+  refresh.mapped_keyframes = 1;  // and it has been mapped, and culled, since
+  map.apply(refresh);
+  EXPECT_FALSE(map.find(name(0, 0)));
 }
 
 TEST(LocalMap, DropsTheLeastUsedLandmarksBeyondItsLimit) {
