@@ -77,7 +77,7 @@ int main(int argc, char** argv) {
                "wait for the server's answer to each keyframe; repeatable, for tests");
   app.add_flag("--no-server", options.no_server, "track alone; keyframes stay in the outbox");
   app.add_option("--timeout", timeout_s, "seconds to wait for delivery and corrections at the end")
-      ->check(CLI::NonNegativeNumber)
+      ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config");
   try {
@@ -105,7 +105,11 @@ int main(int argc, char** argv) {
     return exit_code(report.error());
   }
   print_report(*report);
-  if (options.no_server || report->undelivered > 0) {
+  if (report->tracked == 0) {
+    fmt::print(stderr, "cairn-client: no frame was tracked; is there enough texture and depth?\n");
+    return kFailed;
+  }
+  if (report->undelivered > 0) {
     if (!options.no_server)
       fmt::print(stderr,
                  "cairn-client: {} keyframes remain in the outbox; run again with the same "

@@ -128,9 +128,9 @@ Status Session::process(const Frame& frame) {
 Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
                                  bool only_while_connected) {
   while (tracker_->backlog() > backlog && !stop_) {
-    if (Status s = link_->status(); !s) return s;
     const auto now = Clock::now();
-    if (only_while_connected && now - in_touch_ > kConnectGrace) return {};
+    if (Status s = link_->status(); !s) return only_while_connected ? Status() : s;
+    if (only_while_connected && (now - in_touch_ > kConnectGrace || now > deadline)) return {};
     if (now > deadline)
       return {ErrorCode::kTimeout,
               fmt::format("{} keyframes still await the server's mapping after {:.0f} s; is "
@@ -153,10 +153,9 @@ void Session::wait_for_delivery(Clock::time_point deadline) {
 
 Status Session::after_keyframe() {
   if (options_.no_server) return {};
-  if (options_.lockstep)
-    return wait_for_mapping(
-        0, Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout), false);
-  if (options_.max_rate) return wait_for_mapping(kMaxBacklog, Clock::time_point::max(), true);
+  const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
+  if (options_.lockstep) return wait_for_mapping(0, deadline, false);
+  if (options_.max_rate) return wait_for_mapping(kMaxBacklog, deadline, true);
   return {};
 }
 
@@ -202,11 +201,15 @@ Result<SessionReport> Session::run() {
   Pacer pacer(*source_, !options_.max_rate && !options_.lockstep);
   std::optional<Clock::time_point> start;
   std::int64_t first_stamp = 0, last_stamp = 0;
-  while (!stop_) {
+  Status trouble;  // ends the run, but not before what was tracked is delivered and written
+  while (!stop_ && trouble) {
     Result<std::optional<Frame>> frame = pacer.next([&](nanoseconds remaining) {
       take_corrections(std::min<nanoseconds>(remaining, kStopCheck));
     });
-    if (!frame) return frame.error();
+    if (!frame) {
+      trouble = frame.error();
+      break;
+    }
     if (!*frame) break;
     if (!start) {
       start = Clock::now();
@@ -214,16 +217,18 @@ Result<SessionReport> Session::run() {
     }
     last_stamp = (*frame)->stamp_ns;
     take_corrections(nanoseconds::zero());
-    if (Status s = process(**frame); !s) return s.error();
+    trouble = process(**frame);
     show_progress();
   }
   report_.seconds = to_seconds(last_stamp - first_stamp);
   report_.dropped = pacer.dropped();
   report_.skipped = source_->skipped();
+  if (report_.frames == 0 && !trouble) return trouble.error();
   if (report_.frames == 0 && !stop_)
     return Error{ErrorCode::kInvalidArgument, fmt::format("{}: no usable frame in it ({} skipped)",
                                                           options_.input, report_.skipped)};
   if (Status s = finish(); !s) return s.error();
+  if (!trouble) return trouble.error();
   return report_;
 }
 

@@ -1,5 +1,6 @@
 #include "server/pipeline.h"
 
+#include <algorithm>
 #include <random>
 
 #include "common/util/clock.h"
@@ -21,6 +22,18 @@ std::uint64_t random_id() {
 
 double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+// One past the highest sequence that the map holds or once held of a client's run: what a former
+// run of the server has acknowledged and nobody will send again.
+std::uint32_t keyframes_seen(const Map& map, std::uint64_t epoch) {
+  std::uint32_t seen = 0;
+  const auto count = [&](KeyframeId id, const auto&) {
+    if (id.epoch == epoch) seen = std::max(seen, id.sequence + 1);
+  };
+  map.keyframes.for_each(count);
+  map.removed_keyframes.for_each(count);
+  return seen;
 }
 
 MapDelta solve(const Map& map, const LocalWindow& window, std::stop_token stop) {
@@ -108,7 +121,10 @@ std::shared_ptr<ClientDesk> Pipeline::desk(const ClientId& client) {
   options.window.max_free = static_cast<std::size_t>(config_.local_window);
   std::lock_guard lock(desks_mutex_);
   std::shared_ptr<ClientDesk>& found = desks_[client];
-  if (!found) found = std::make_shared<ClientDesk>(client, writer_, solve, options);
+  if (!found) {
+    found = std::make_shared<ClientDesk>(client, writer_, solve, options);
+    found->mapped_keyframes = keyframes_seen(*writer_.snapshot(), client.epoch);
+  }
   return found;
 }
 
@@ -117,8 +133,7 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   switch (event.kind) {
     case ClientEvent::Kind::kJoined:
     case ClientEvent::Kind::kRefresh:
-      desk(event.client)->wants_refresh = true;
-      jobs_.push(event.client, Job{});
+      if (!desk(event.client)->wants_refresh.exchange(true)) jobs_.push(event.client, Job{});
       break;
     case ClientEvent::Kind::kLeft:
       break;  // its keyframes stay, and it may come back
@@ -146,7 +161,7 @@ void Pipeline::map_keyframes() {
     const Job& job = taken->item;
     if (job.keyframe.is_valid()) {
       const LocalMappingReport report = mine->mapping.map_keyframe(job.keyframe, taken->behind);
-      mine->mapped_keyframes = job.keyframe.sequence + 1;
+      mine->mapped_keyframes = std::max(mine->mapped_keyframes, job.keyframe.sequence + 1);
       metrics_.mapping_ms.add(report.total_ms);
       if (report.solved) metrics_.solving_ms.add(report.solve_ms);
       log::debug(
@@ -160,9 +175,10 @@ void Pipeline::map_keyframes() {
                                                           : ClientView::Kind::kChanges;
     if (const auto update =
             mine->view.difference(*writer_.snapshot(), mine->mapped_keyframes, kind)) {
-      if (Status sent = ingest_->publish(client, *update); !sent)
+      if (Status sent = ingest_->publish(client, *update); !sent) {
         log::debug("no update to {}: {}", client.name, sent.message());
-      else if (job.keyframe.is_valid())
+        mine->wants_refresh = true;  // the view takes it as told, the client has not heard it
+      } else if (job.keyframe.is_valid())
         metrics_.answer_ms.add(milliseconds_since(job.arrived));
     }
     jobs_.done(client);
@@ -191,6 +207,9 @@ Status Pipeline::save() {
 
 Status Pipeline::stop() {
   stopped_ = true;
+  // A start that failed has put the journal's keyframes into the map but mapped none: saved, they
+  // would not be mapped again.
+  const bool receiving = inserter_.joinable();
   if (ingest_) ingest_->close();
   if (inserter_.joinable()) inserter_.join();
   jobs_.close();
@@ -198,7 +217,7 @@ Status Pipeline::stop() {
   saver_.request_stop();
   if (saver_.joinable()) saver_.join();
   http_.reset();
-  return save();
+  return receiving ? save() : Status();
 }
 
 ServerState Pipeline::state() const {

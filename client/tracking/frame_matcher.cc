@@ -133,9 +133,10 @@ int match_to_last_frame(const TrackedFrame& last, const LocalMap& map, double ra
   for (std::size_t i = 0; i < last.features.size(); ++i) {
     FeatureMatch& want = wanted[i];
     const Feature& before = last.features.points[i];
-    if (last.matches[i].shows_landmark()) {
-      const LocalLandmark* landmark = map.find(last.matches[i].landmark);
-      if (!landmark || shown.contains(landmark->id)) continue;
+    const LocalLandmark* landmark =
+        last.matches[i].shows_landmark() ? map.find(last.matches[i].landmark) : nullptr;
+    if (landmark) {
+      if (shown.contains(landmark->id)) continue;
       want = {true, landmark->id, landmark->position};
     } else if (before.has_depth() && rig.camera.depth(before.disparity) < rig.max_depth) {
       want = {true, {}, last.point_in_map(i)};

@@ -187,6 +187,7 @@ void LocalMap::apply(const MapUpdate& update) {
 // What the server has mapped and does not tell of any more is gone; what it has not mapped yet is
 // the client's own.
 void LocalMap::forget_servers_landmarks(const MapUpdate& update) {
+  renamed_.clear();
   std::vector<LandmarkId> known;
   for (const auto& [id, slot] : by_id_) {
     const KeyframeId anchor = slots_[slot].anchor;
@@ -223,6 +224,7 @@ void LocalMap::place_keyframes(const MapUpdate& update) {
 }
 
 void LocalMap::update_landmark(const LandmarkState& state) {
+  renamed_.erase(state.id);  // the server uses the name again
   auto slot = slot_of(state.id);
   if (!slot) {
     LocalLandmark landmark;
