@@ -42,7 +42,7 @@ TEST(Tracker, FollowsAWanderingCamera) {
     const Rigid3 truth = origin.inverse() * wander(i / 30.0);
     const TrackingResult r = run.step(wander(i / 30.0));
     ASSERT_EQ(r.state, TrackingState::kTracking) << "frame " << i;
-    // Three noisy pixels in ten accumulate without a server; what counts here is to keep on.
+    // It drifts past 5 cm after 231 frames, with 0.3 px of noise and no server to correct it.
     ASSERT_LT((r.map_from_camera.translation - truth.translation).norm(), 0.08) << "frame " << i;
   }
   EXPECT_GT(run.tracker.keyframes_made(), 5u);
