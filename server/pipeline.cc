@@ -24,16 +24,10 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-// One past the highest sequence that the map holds or once held of a client's run: what a former
-// run of the server has acknowledged and nobody will send again.
-std::uint32_t keyframes_seen(const Map& map, std::uint64_t epoch) {
-  std::uint32_t seen = 0;
-  const auto count = [&](KeyframeId id, const auto&) {
-    if (id.epoch == epoch) seen = std::max(seen, id.sequence + 1);
-  };
-  map.keyframes.for_each(count);
-  map.removed_keyframes.for_each(count);
-  return seen;
+ClientId client_of(const std::vector<ClientId>& clients, KeyframeId id) {
+  for (const ClientId& client : clients)
+    if (client.epoch == id.epoch) return client;
+  return {"unknown", id.epoch};
 }
 
 MapDelta solve(const Map& map, const LocalWindow& window, std::stop_token stop) {
@@ -78,11 +72,17 @@ Pipeline::~Pipeline() {
   if (!stopped_) (void)stop();
 }
 
-// Keyframes that were acknowledged after the map was saved last: the crash cost their mapping only.
+// Keyframes that were acknowledged and not mapped when the map was saved last: a crash costs their
+// mapping only. First those that the map has, then those that came after it was saved.
 Status Pipeline::replay_journal() {
   Result<std::vector<wire::DecodedKeyframe>> pending = file_->pending_keyframes();
   if (!pending) return pending.error();
-  if (!pending->empty()) log::info("{} journaled keyframes to map again", pending->size());
+  const Result<std::vector<ClientId>> clients = file_->clients();
+  if (!clients) return clients.error();
+  const std::vector<KeyframeId> unmapped = writer_.snapshot()->unmapped();
+  if (!unmapped.empty() || !pending->empty())
+    log::info("{} journaled keyframes to map again", unmapped.size() + pending->size());
+  for (const KeyframeId id : unmapped) jobs_.push(client_of(*clients, id), Job{id, Clock::now()});
   for (wire::DecodedKeyframe& decoded : *pending)
     insert(decoded.client, std::move(decoded.keyframe), Clock::now());
   return {};
@@ -123,7 +123,7 @@ std::shared_ptr<ClientDesk> Pipeline::desk(const ClientId& client) {
   std::shared_ptr<ClientDesk>& found = desks_[client];
   if (!found) {
     found = std::make_shared<ClientDesk>(client, writer_, solve, options);
-    found->mapped_keyframes = keyframes_seen(*writer_.snapshot(), client.epoch);
+    found->mapped_keyframes = writer_.snapshot()->mapped_of(client.epoch);
   }
   return found;
 }
@@ -163,6 +163,7 @@ void Pipeline::map_keyframes() {
       const LocalMappingReport report = mine->mapping.map_keyframe(job.keyframe, taken->behind);
       mine->mapped_keyframes = std::max(mine->mapped_keyframes, job.keyframe.sequence + 1);
       metrics_.mapping_ms.add(report.total_ms);
+      ++metrics_.mapped;
       if (report.solved) metrics_.solving_ms.add(report.solve_ms);
       log::debug(
           "mapped keyframe {} of {} in {:.0f} ms (BA {:.0f}): {} made, {} fused, {} added, "
@@ -207,8 +208,7 @@ Status Pipeline::save() {
 
 Status Pipeline::stop() {
   stopped_ = true;
-  // A start that failed has put the journal's keyframes into the map but mapped none: saved, they
-  // would not be mapped again.
+  // A start that failed leaves the file as it was.
   const bool receiving = inserter_.joinable();
   if (ingest_) ingest_->close();
   if (inserter_.joinable()) inserter_.join();
@@ -229,6 +229,7 @@ ServerState Pipeline::state() const {
   state.landmarks = map->landmarks.size();
   state.keyframes_ever = map->keyframes_ever;
   state.awaiting_mapping = jobs_.size();
+  state.mapped = metrics_.mapped;
   state.uptime_s = started_.milliseconds() / 1000;
   state.mapping_ms_median = metrics_.mapping_ms.quantile(0.5);
   state.mapping_ms_p95 = metrics_.mapping_ms.quantile(0.95);

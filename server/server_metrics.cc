@@ -36,12 +36,11 @@ std::string to_json(const ServerState& s) {
                  {"keyframes", s.keyframes},
                  {"keyframes_ever", s.keyframes_ever},
                  {"landmarks", s.landmarks}};
-  json["mapping"] = {{"waiting", s.awaiting_mapping},
-                     {"ms_median", s.mapping_ms_median},
-                     {"ms_p95", s.mapping_ms_p95},
-                     {"solve_ms_median", s.solving_ms_median},
-                     {"answer_ms_median", s.answer_ms_median},
-                     {"answer_ms_p95", s.answer_ms_p95}};
+  json["mapping"] = {
+      {"waiting", s.awaiting_mapping},          {"mapped", s.mapped},
+      {"ms_median", s.mapping_ms_median},       {"ms_p95", s.mapping_ms_p95},
+      {"solve_ms_median", s.solving_ms_median}, {"answer_ms_median", s.answer_ms_median},
+      {"answer_ms_p95", s.answer_ms_p95}};
   json["ingest"] = {
       {"accepted", s.ingest.accepted},   {"duplicates", s.ingest.duplicates},
       {"malformed", s.ingest.malformed}, {"journal_failures", s.ingest.journal_failures},
@@ -83,6 +82,7 @@ std::string to_prometheus(const ServerState& s) {
         s.answer_ms_p95);
   counter("keyframes_accepted_total", "Keyframes journaled and acknowledged", s.ingest.accepted);
   counter("keyframes_duplicate_total", "Keyframes that came again", s.ingest.duplicates);
+  counter("keyframes_mapped_total", "Keyframes that have been through local mapping", s.mapped);
   counter("keyframes_malformed_total", "Keyframes that failed the checks", s.ingest.malformed);
   counter("journal_failures_total", "Keyframes that could not be journaled",
           s.ingest.journal_failures);

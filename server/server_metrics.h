@@ -1,6 +1,7 @@
 // What the server counts and measures about itself, and how it is shown.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -16,6 +17,7 @@ struct ServerState {
   std::size_t keyframes = 0, landmarks = 0;
   std::uint64_t keyframes_ever = 0;
   std::size_t awaiting_mapping = 0;
+  std::uint64_t mapped = 0;  // keyframes since the start
   double uptime_s = 0;
   double mapping_ms_median = 0, mapping_ms_p95 = 0;  // local mapping of one keyframe
   double solving_ms_median = 0;                      // the bundle adjustment in it
@@ -44,6 +46,7 @@ class RecentValues {
 
 struct ServerMetrics {
   RecentValues mapping_ms, solving_ms, answer_ms;
+  std::atomic<std::uint64_t> mapped = 0;  // keyframes
 };
 
 }  // namespace cairn

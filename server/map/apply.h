@@ -50,6 +50,15 @@ DeltaSummary apply_delta(Map& map, const MapDelta& delta);
 // (removed_keyframes); landmarks that nothing else sees vanish. False for roots and unknown ones.
 bool remove_keyframe(Map& map, KeyframeId id);
 
+// Forgets what became of landmarks and keyframes that ended more than kFormerKept keyframes ago, so
+// that these tables are bounded by the pace of change and not by the map's age. Now and then only,
+// when the map has been given a round number of keyframes; apply_keyframe() does it.
+//
+// Who still uses so old a name loses little: a match with it is made anew from its feature's depth
+// or is rejected, and a client keeps the place that it has for the keyframe.
+void forget_former(Map& map);
+inline constexpr std::uint64_t kFormerKept = 5000;
+
 // Descriptor, normal and distances of a landmark from its observations (refresh.h). The functions
 // above do it for all that they touch.
 void refresh_landmark(const Map& map, Landmark& landmark);

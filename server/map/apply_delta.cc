@@ -41,6 +41,13 @@ void change_observations(Map& map, MapEditor& editor, const MapDelta& delta, Del
     ++(editor.remove_landmark(id) ? s.landmarks_removed : s.dropped);
 }
 
+// What the map has never had does not count.
+void count_mapped(Map& map, KeyframeId id) {
+  if (!map.keyframes.contains(id) && !map.removed_keyframes.contains(id)) return;
+  if (id.sequence < map.mapped_of(id.epoch)) return;
+  map.mapped_keyframes.insert(id.epoch, id.sequence + 1);
+}
+
 // Keyframes that came after `revision`, in order of their arrival.
 std::vector<KeyframeId> arrived_since(const Map& map, std::uint64_t revision) {
   std::vector<std::pair<std::uint64_t, KeyframeId>> found;
@@ -115,6 +122,7 @@ DeltaSummary apply_delta(Map& map, const MapDelta& delta) {
   }
   for (const KeyframeId id : delta.removed_keyframes)
     ++(editor.remove_keyframe(id) ? s.keyframes_removed : s.dropped);
+  for (const KeyframeId id : delta.mapped_keyframes) count_mapped(map, id);
   return s;
 }
 

@@ -39,7 +39,7 @@ Rigid3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
 
 // The keyframe in the map that holds the place of `id`: itself or what it was removed in favour of.
 KeyframeId present(const Map& map, KeyframeId id) {
-  while (const KeyframeRemoval* removal = map.removed_keyframes.find(id)) id = removal->anchor;
+  while (const FormerKeyframe* former = map.removed_keyframes.find(id)) id = former->anchor;
   return id;
 }
 
@@ -139,6 +139,7 @@ KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe) {
   Association association(map, editor, id);
   for (const LandmarkMatch& match : keyframe->matches) association.take(match, summary);
   editor.join_tree(id, present(map, keyframe->reference));
+  forget_former(map);
   summary.inserted = true;
   return summary;
 }

@@ -49,6 +49,8 @@ struct MapDelta {
   std::vector<PositionChange> positions;
   std::vector<Sighting> sightings;
   std::vector<KeyframeId> removed_keyframes;
+  // Have been through local mapping, those with lower sequences of their runs included.
+  std::vector<KeyframeId> mapped_keyframes;
 
   // An empty one, to be filled with what follows from this snapshot.
   static MapDelta based_on(const Map& snapshot);

@@ -71,6 +71,19 @@ struct Landmark {
   std::uint64_t revision = 0;  // of the map when it changed last
 };
 
+// A landmark that was fused into another one.
+struct FormerLandmark {
+  LandmarkId now;           // what it is part of; may itself be a former one
+  std::uint64_t since = 0;  // Map::keyframes_ever when it happened
+};
+
+// A keyframe that was culled.
+struct FormerKeyframe {
+  KeyframeId anchor;          // what it hangs on; may itself be a former one
+  Rigid3 anchor_from_camera;  // fixed from then on
+  std::uint64_t since = 0;    // Map::keyframes_ever when it happened
+};
+
 // Landmarks with neighbouring numbers were made together, from one keyframe, and change together.
 template <>
 struct CowShardHash<LandmarkId> {
@@ -89,14 +102,23 @@ struct Map {
   CowTable<KeyframeId, KeyframeNode> keyframes;
   CowTable<LandmarkId, Landmark> landmarks;
   // Landmarks fused into another one: clients may go on reporting the old name for a while.
-  CowTable<LandmarkId, LandmarkId> replaced_landmarks;
+  CowTable<LandmarkId, FormerLandmark> replaced_landmarks;
   // Culled keyframes, for the poses that clients have hung on them.
-  CowTable<KeyframeId, KeyframeRemoval> removed_keyframes;
+  CowTable<KeyframeId, FormerKeyframe> removed_keyframes;
+  // Both forget what is old (forget_former() in apply.h). An entry that leads to another one is
+  // older than that one, so that forgetting the oldest first cuts no way short.
+
+  // By run (epoch) of a client: its keyframes 0 .. n-1 have been through local mapping.
+  CowTable<std::uint64_t, std::uint32_t> mapped_keyframes;
 
   // Follows replacements to the name in use; not valid when that landmark is gone.
   LandmarkId resolve(LandmarkId id) const;
   // Pose of a keyframe that is or once was in the map; nothing for others.
   std::optional<Rigid3> pose_of(KeyframeId id) const;
+  // The entry of mapped_keyframes; 0 when there is none.
+  std::uint32_t mapped_of(std::uint64_t epoch) const;
+  // Keyframes that are in the map and have not been through local mapping, in order of arrival.
+  std::vector<KeyframeId> unmapped() const;
 };
 
 using Snapshot = std::shared_ptr<const Map>;

@@ -56,7 +56,8 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
   if (!node || !node->parent.is_valid()) return false;
   const KeyframeId parent = node->parent;
   const Rigid3 map_from_parent = map_.keyframes.at(parent).map_from_camera;
-  const KeyframeRemoval removal{id, parent, map_from_parent.inverse() * node->map_from_camera};
+  const FormerKeyframe former{parent, map_from_parent.inverse() * node->map_from_camera,
+                              map_.keyframes_ever};
 
   // While it still has its covisible keyframes: they are what its children are handed on to.
   const std::vector<KeyframeId> children = node->children;
@@ -71,7 +72,7 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
   auto& siblings = map_.keyframes.edit(parent)->children;
   siblings.erase(std::find(siblings.begin(), siblings.end(), id));
   map_.keyframes.erase(id);
-  map_.removed_keyframes.insert(id, removal);
+  map_.removed_keyframes.insert(id, former);
   return true;
 }
 
@@ -148,7 +149,7 @@ bool MapEditor::fuse(LandmarkId from, LandmarkId into) {
   Landmark& kept = *map_.landmarks.edit(into);
   kept.found += old.found;
   kept.visible += old.visible;
-  map_.replaced_landmarks.insert(from, into);
+  map_.replaced_landmarks.insert(from, {into, map_.keyframes_ever});
   return true;
 }
 

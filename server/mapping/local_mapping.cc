@@ -30,17 +30,13 @@ LocalMappingReport LocalMapping::map_keyframe(KeyframeId id, std::size_t backlog
                                               std::stop_token stop) {
   LocalMappingReport report;
   report.found = writer_.snapshot()->keyframes.contains(id);
-  if (!report.found) return report;
   Stopwatch total;
   unsolved_.push_back(id);
-  extend(id, report);
+  if (report.found) extend(id, report);
   const bool now = backlog == 0 || unsolved_.size() >= options_.max_coalesced;
   if (now && !stop.stop_requested()) {
     solve(report, stop);
-    Stopwatch watch;
-    report.keyframes_culled =
-        submit(cull_keyframes(*writer_.snapshot(), id, options_.cull)).keyframes_removed;
-    report.cull_keyframes_ms = watch.milliseconds();
+    if (report.found) cull_around(id, report);
   }
   report.total_ms = total.milliseconds();
   return report;
@@ -74,16 +70,24 @@ void LocalMapping::extend(KeyframeId id, LocalMappingReport& report) {
   report.sightings_ms = lap(watch);
 }
 
+void LocalMapping::cull_around(KeyframeId id, LocalMappingReport& report) {
+  Stopwatch watch;
+  report.keyframes_culled =
+      submit(cull_keyframes(*writer_.snapshot(), id, options_.cull)).keyframes_removed;
+  report.cull_keyframes_ms = watch.milliseconds();
+}
+
 void LocalMapping::solve(LocalMappingReport& report, std::stop_token stop) {
   Stopwatch watch;
   const Snapshot map = writer_.snapshot();
   const LocalWindow window = choose_local_window(*map, unsolved_, options_.window);
   report.window_ms = lap(watch);
-  unsolved_.clear();
-  if (!solver_ || window.free_keyframes.empty()) return;
-  submit(solver_(*map, window, stop));
+  report.solved = solver_ && !window.free_keyframes.empty();
+  MapDelta delta = report.solved ? solver_(*map, window, stop) : MapDelta::based_on(*map);
+  // With the result, so that a saved map never has the one without the other.
+  delta.mapped_keyframes = std::exchange(unsolved_, {});
+  submit(std::move(delta));
   report.solve_ms = lap(watch);
-  report.solved = true;
 }
 
 }  // namespace cairn

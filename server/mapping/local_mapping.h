@@ -5,7 +5,7 @@
 //   triangulate      new landmarks, from what it then still sees without knowing
 //   fuse (kFrom)     its landmarks in the neighbours
 //   count_sightings  what was found where it should be
-//   solve            local bundle adjustment, poses and landmarks
+//   solve            local bundle adjustment, poses and landmarks; counts as mapped from here on
 //   cull_keyframes   keyframes that say nothing new go
 //
 // Each step computes a delta from the newest snapshot, sends it to the map's writer and waits until
@@ -46,7 +46,7 @@ struct LocalMappingOptions {
 
 // Milliseconds that each step took, waiting for the writer included, and what came of it.
 struct LocalMappingReport {
-  bool found = false;   // false: the map had no such keyframe, nothing was done
+  bool found = false;   // false: the map has no such keyframe (any more)
   bool solved = false;  // false: left to a later keyframe
   double cull_landmarks_ms = 0, triangulate_ms = 0, sightings_ms = 0;
   double fuse_ms = 0;  // both directions
@@ -70,6 +70,7 @@ class LocalMapping {
   void fuse_with_neighbours(KeyframeId id, FuseDirection direction, LocalMappingReport& report);
   void extend(KeyframeId id, LocalMappingReport& report);
   void solve(LocalMappingReport& report, std::stop_token stop);
+  void cull_around(KeyframeId id, LocalMappingReport& report);
 
   MapWriter& writer_;
   LocalSolver solver_;

@@ -178,26 +178,42 @@ bool decode_landmark(Bytes bytes, Landmark& landmark) {
   return in.at_end() && landmark.position.allFinite() && landmark.normal.allFinite();
 }
 
-Blob encode_removal(const KeyframeRemoval& removal) {
+Blob encode_former(const FormerKeyframe& former) {
   ByteWriter out(96);
-  put(out, removal.id);
-  put(out, removal.anchor);
-  put(out, removal.anchor_from_camera);
+  put(out, former.anchor);
+  put(out, former.anchor_from_camera);
+  out.put(former.since);
   return out.take();
 }
 
-bool decode_removal(Bytes bytes, KeyframeRemoval& removal) {
+bool decode_former(Bytes bytes, FormerKeyframe& former) {
   ByteReader in(bytes);
-  removal.id = get_keyframe(in);
-  removal.anchor = get_keyframe(in);
-  removal.anchor_from_camera = get_pose(in);
-  return in.at_end() && removal.anchor_from_camera.is_finite();
+  former.anchor = get_keyframe(in);
+  former.anchor_from_camera = get_pose(in);
+  former.since = in.get<std::uint64_t>();
+  return in.at_end() && former.anchor_from_camera.is_finite();
+}
+
+Blob encode_former(const FormerLandmark& former) {
+  ByteWriter out(24);
+  out.put(former.now.origin);
+  out.put(former.now.number);
+  out.put(former.since);
+  return out.take();
+}
+
+bool decode_former(Bytes bytes, FormerLandmark& former) {
+  ByteReader in(bytes);
+  former.now.origin = in.get<std::uint64_t>();
+  former.now.number = in.get<std::uint64_t>();
+  former.since = in.get<std::uint64_t>();
+  return in.at_end();
 }
 
 Status connect(Map& map) {
-  if (!chains_end(map.replaced_landmarks, [](const LandmarkId& id) { return id; }))
+  if (!chains_end(map.replaced_landmarks, [](const FormerLandmark& f) { return f.now; }))
     return contradiction("landmarks replace each other in a circle");
-  if (!chains_end(map.removed_keyframes, [](const KeyframeRemoval& r) { return r.anchor; }))
+  if (!chains_end(map.removed_keyframes, [](const FormerKeyframe& f) { return f.anchor; }))
     return contradiction("culled keyframes hang on each other in a circle");
   const std::vector<KeyframeId> keyframes = map.keyframes.sorted_keys();
   for (const KeyframeId id : keyframes) {

@@ -25,8 +25,10 @@ Blob encode_landmark(const Landmark& landmark);
 // `landmark.id` is the caller's to set.
 bool decode_landmark(Bytes bytes, Landmark& landmark);
 
-Blob encode_removal(const KeyframeRemoval& removal);
-bool decode_removal(Bytes bytes, KeyframeRemoval& removal);
+Blob encode_former(const FormerKeyframe& former);
+bool decode_former(Bytes bytes, FormerKeyframe& former);
+Blob encode_former(const FormerLandmark& former);
+bool decode_former(Bytes bytes, FormerLandmark& former);
 
 // Derives what is not stored. kCorrupt when relations lead nowhere or contradict each other.
 Status connect(Map& map);

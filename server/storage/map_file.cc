@@ -14,7 +14,7 @@ using sqlite::Statement;
 // Stands in the file's header and tells Cairn's files from those of other programs.
 constexpr std::int64_t kApplicationId = 0x4361724e;  // "CarN"
 // Grows with every change of the tables or of what is in their blobs.
-constexpr std::int64_t kSchemaVersion = 1;
+constexpr std::int64_t kSchemaVersion = 2;
 
 constexpr const char* kSchema = R"sql(
   CREATE TABLE clients(name TEXT NOT NULL, epoch INTEGER NOT NULL, next_sequence INTEGER NOT NULL,
@@ -34,6 +34,8 @@ constexpr const char* kSchema = R"sql(
                                   PRIMARY KEY(origin, number)) WITHOUT ROWID;
   CREATE TABLE removed_keyframes(origin INTEGER, number INTEGER, data BLOB NOT NULL,
                                  PRIMARY KEY(origin, number)) WITHOUT ROWID;
+  -- Keyframes 0 .. count-1 of a client run have been through local mapping.
+  CREATE TABLE mapped_keyframes(epoch INTEGER PRIMARY KEY, count INTEGER NOT NULL);
 )sql";
 
 Status create_schema(Database& database) {

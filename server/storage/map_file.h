@@ -57,7 +57,8 @@ class MapFile final : public Journal {
   Result<SaveSummary> save_map(const Map& map);
   // Nothing when none has been saved yet. The map equals the saved one.
   Result<std::optional<Map>> load_map();
-  // Journaled but neither in the saved map nor culled from it, in order of their arrival.
+  // Journaled but neither in the saved map nor culled from it, in order of their arrival. Those
+  // that were saved before they were mapped are Map::unmapped().
   Result<std::vector<wire::DecodedKeyframe>> pending_keyframes();
   // All client runs that ever delivered keyframes, ascending.
   Result<std::vector<ClientId>> clients();

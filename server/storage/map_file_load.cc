@@ -76,21 +76,28 @@ Status load_landmarks(Database& database, Map& map) {
 Status load_history(Database& database, Map& map) {
   Status status = for_each_row(database, "SELECT origin, number, data FROM replaced_landmarks",
                                [&](const Statement& row) -> Status {
-                                 wire::ByteReader in(row.blob(2));
-                                 const auto origin = in.get<std::uint64_t>();
-                                 const LandmarkId now{origin, in.get<std::uint64_t>()};
-                                 if (!in.at_end())
+                                 FormerLandmark former;
+                                 if (!storage::decode_former(row.blob(2), former))
                                    return corrupt("a replaced landmark is unreadable");
-                                 map.replaced_landmarks.insert(landmark_at(row), now);
+                                 map.replaced_landmarks.insert(landmark_at(row), former);
                                  return {};
                                });
   if (!status) return status;
   return for_each_row(database, "SELECT origin, number, data FROM removed_keyframes",
                       [&](const Statement& row) -> Status {
-                        KeyframeRemoval removal;
-                        if (!storage::decode_removal(row.blob(2), removal))
+                        FormerKeyframe former;
+                        if (!storage::decode_former(row.blob(2), former))
                           return corrupt("a culled keyframe is unreadable");
-                        map.removed_keyframes.insert(keyframe_at(row), removal);
+                        map.removed_keyframes.insert(keyframe_at(row), former);
+                        return {};
+                      });
+}
+
+Status load_mapped(Database& database, Map& map) {
+  return for_each_row(database, "SELECT epoch, count FROM mapped_keyframes",
+                      [&](const Statement& row) -> Status {
+                        map.mapped_keyframes.insert(row.unsigned_integer(0),
+                                                    static_cast<std::uint32_t>(row.integer(1)));
                         return {};
                       });
 }
@@ -122,6 +129,7 @@ Result<std::optional<Map>> MapFile::load_map() {
   Status status = load_keyframes(p.database, map);
   if (status) status = load_landmarks(p.database, map);
   if (status) status = load_history(p.database, map);
+  if (status) status = load_mapped(p.database, map);
   if (status) status = storage::connect(map);
   if (!status) return status.error();
   p.saved = map;
@@ -138,6 +146,7 @@ Result<std::vector<wire::DecodedKeyframe>> MapFile::pending_keyframes() {
       "SELECT epoch, sequence, blob FROM keyframes k WHERE"
       " NOT EXISTS (SELECT 1 FROM nodes WHERE origin = k.epoch AND number = k.sequence) AND"
       " NOT EXISTS (SELECT 1 FROM removed_keyframes WHERE origin = k.epoch AND number = k.sequence)"
+      " AND sequence >= ifnull((SELECT count FROM mapped_keyframes m WHERE m.epoch = k.epoch), 0)"
       " ORDER BY arrival",
       [&](const Statement& row) -> Status {
         auto decoded = decode(row.blob(2), keyframe_at(row));

@@ -58,13 +58,9 @@ Difference compare_maps(const Map& saved, const Map& now) {
   return {compare(saved.keyframes, now.keyframes, storage::encode_node),
           compare(saved.landmarks, now.landmarks, storage::encode_landmark),
           compare(saved.replaced_landmarks, now.replaced_landmarks,
-                  [](const LandmarkId& id) {
-                    wire::ByteWriter out(16);
-                    out.put(id.origin);
-                    out.put(id.number);
-                    return out.take();
-                  }),
-          compare(saved.removed_keyframes, now.removed_keyframes, storage::encode_removal)};
+                  [](const FormerLandmark& former) { return storage::encode_former(former); }),
+          compare(saved.removed_keyframes, now.removed_keyframes,
+                  [](const FormerKeyframe& former) { return storage::encode_former(former); })};
 }
 
 Status write_changes(Database& database, const std::string& table, const Changes& changes) {
@@ -94,16 +90,31 @@ Status write_header(Database& database, const Map& map) {
 Status clear_estimate(Database& database) {
   return database.execute(
       "DELETE FROM nodes; DELETE FROM landmarks; DELETE FROM replaced_landmarks;"
-      "DELETE FROM removed_keyframes; DELETE FROM map;");
+      "DELETE FROM removed_keyframes; DELETE FROM mapped_keyframes; DELETE FROM map;");
 }
 
-Status drop_culled_blobs(Database& database, const Changes& removed, std::size_t& dropped) {
-  Statement drop(database, "DELETE FROM keyframes WHERE epoch = ? AND sequence = ?");
-  for (const Row& row : removed.written) {
-    drop.bind(1, row.origin).bind(2, row.number);
-    if (Status status = drop.run(); !status) return status;
-  }
-  dropped = removed.written.size();
+Status write_mapped(Database& database, const Map& map) {
+  Statement write(database, "INSERT OR REPLACE INTO mapped_keyframes VALUES(?, ?)");
+  Status status;
+  map.mapped_keyframes.for_each([&](std::uint64_t epoch, std::uint32_t count) {
+    write.bind(1, epoch).bind(2, count);
+    if (status) status = write.run();
+  });
+  return status;
+}
+
+// What was mapped and is not there any more has been culled, though the map may have forgotten it.
+Status drop_culled_blobs(Database& database, std::size_t& dropped) {
+  if (Status status = database.execute(
+          "DELETE FROM keyframes WHERE"
+          " NOT EXISTS (SELECT 1 FROM nodes WHERE origin = epoch AND number = sequence) AND"
+          " (EXISTS (SELECT 1 FROM removed_keyframes WHERE origin = epoch AND number = sequence) OR"
+          "  sequence < (SELECT count FROM mapped_keyframes m WHERE m.epoch = keyframes.epoch))");
+      !status)
+    return status;
+  const auto changes = database.query_integer("SELECT changes()");
+  if (!changes) return changes.error();
+  dropped = static_cast<std::size_t>(*changes);
   return {};
 }
 
@@ -157,7 +168,8 @@ Result<SaveSummary> MapFile::save_map(const Map& map) {
   if (status) status = write_changes(p.database, "replaced_landmarks", difference.replaced);
   if (status) status = write_changes(p.database, "removed_keyframes", difference.removed);
   if (status) status = store_missing_blobs(p.database, *p.insert_keyframe, difference.nodes, map);
-  if (status) status = drop_culled_blobs(p.database, difference.removed, summary.dropped_blobs);
+  if (status) status = write_mapped(p.database, map);
+  if (status) status = drop_culled_blobs(p.database, summary.dropped_blobs);
   if (status) status = transaction.commit();
   if (!status) return status.error();
   p.saved = map;

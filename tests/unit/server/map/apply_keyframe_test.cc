@@ -185,5 +185,32 @@ TEST(RefreshLandmark, PredictsTheOctaveThatItWasSeenAt) {
   EXPECT_GT(alike, all * 8 / 10);
 }
 
+TEST(ForgetFormer, KeepsWhatEndedLatelyAndTheWaysToIt) {
+  Map map;
+  map.keyframes_ever = 2 * kFormerKept;
+  const auto end = [&](std::uint64_t number, std::uint64_t since) {
+    map.replaced_landmarks.insert({9, number}, {{9, number + 1}, since});
+    const auto sequence = static_cast<std::uint32_t>(number);
+    map.removed_keyframes.insert({7, sequence}, {{7, sequence + 1}, {}, since});
+  };
+  end(1, kFormerKept - 1);
+  end(2, kFormerKept);
+  end(3, 2 * kFormerKept);
+  forget_former(map);
+  EXPECT_EQ(map.replaced_landmarks.sorted_keys(), (std::vector<LandmarkId>{{9, 2}, {9, 3}}));
+  EXPECT_EQ(map.removed_keyframes.sorted_keys(), (std::vector<KeyframeId>{{7, 2}, {7, 3}}));
+}
+
+TEST(ForgetFormer, HappensWhileKeyframesArrive) {
+  const SyntheticMap world({.keyframes = 2, .points = 50});
+  Map map;
+  map.keyframes_ever = 3 * kFormerKept - 2;
+  map.replaced_landmarks.insert({9, 1}, {{9, 2}, 5});
+  apply_keyframe(map, world.keyframes[0]);
+  EXPECT_EQ(map.replaced_landmarks.size(), 1u) << "not with every keyframe";
+  apply_keyframe(map, world.keyframes[1]);
+  EXPECT_EQ(map.replaced_landmarks.size(), 0u);
+}
+
 }  // namespace
 }  // namespace cairn

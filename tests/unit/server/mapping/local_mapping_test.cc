@@ -154,10 +154,39 @@ TEST(LocalMapping, KeepsANewKeyframeOfAStillCameraButNotEveryOne) {
   EXPECT_THAT(check_invariants(*map), IsEmpty());
 }
 
+TEST(LocalMapping, KeyframesCountAsMappedOnceTheyAreSolved) {
+  const SyntheticMap world({.keyframes = 4, .points = 300});
+  MapWriter writer(Map{});
+  LocalMapping mapping(writer, nothing);
+  for (const KeyframePtr& keyframe : world.keyframes) writer.submit(keyframe);
+  mapping.map_keyframe(kf(0), 3);
+  mapping.map_keyframe(kf(1), 2);
+  EXPECT_EQ(writer.snapshot()->mapped_of(7), 0u);
+  mapping.map_keyframe(kf(2), 0);
+  EXPECT_EQ(writer.snapshot()->mapped_of(7), 3u);
+  EXPECT_THAT(writer.snapshot()->unmapped(), ElementsAre(kf(3)));
+}
+
+TEST(LocalMapping, AKeyframeThatIsGoneDoesNotKeepTheOthersUnsolved) {
+  const SyntheticMap world({.keyframes = 4, .points = 300});
+  MapWriter writer(Map{});
+  LocalMapping mapping(writer, nothing);
+  for (const KeyframePtr& keyframe : world.keyframes) writer.submit(keyframe);
+  mapping.map_keyframe(kf(2), 1);
+  MapDelta culled = MapDelta::based_on(*writer.snapshot());
+  culled.removed_keyframes = {kf(3)};
+  writer.submit(culled);
+  const LocalMappingReport report = mapping.map_keyframe(kf(3), 0);
+  EXPECT_FALSE(report.found);
+  EXPECT_TRUE(report.solved);
+  EXPECT_EQ(writer.snapshot()->mapped_of(7), 4u);
+}
+
 TEST(LocalMapping, AnUnknownKeyframeIsReported) {
   MapWriter writer(Map{});
   LocalMapping mapping(writer, nothing);
   EXPECT_FALSE(mapping.map_keyframe(kf(0), 0).found);
+  EXPECT_EQ(writer.snapshot()->mapped_of(7), 0u);
 }
 
 }  // namespace

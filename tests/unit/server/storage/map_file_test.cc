@@ -126,10 +126,13 @@ void expect_same_map(const Map& a, const Map& b) {
     expect_same_landmark(a.landmarks.at(id), b.landmarks.at(id));
   ASSERT_EQ(a.replaced_landmarks.sorted_keys(), b.replaced_landmarks.sorted_keys());
   for (const LandmarkId id : a.replaced_landmarks.sorted_keys())
-    EXPECT_EQ(a.replaced_landmarks.at(id), b.replaced_landmarks.at(id));
+    EXPECT_EQ(a.replaced_landmarks.at(id).now, b.replaced_landmarks.at(id).now);
   ASSERT_EQ(a.removed_keyframes.sorted_keys(), b.removed_keyframes.sorted_keys());
   for (const KeyframeId id : a.removed_keyframes.sorted_keys())
     EXPECT_EQ(a.removed_keyframes.at(id).anchor, b.removed_keyframes.at(id).anchor);
+  ASSERT_EQ(a.mapped_keyframes.sorted_keys(), b.mapped_keyframes.sorted_keys());
+  for (const std::uint64_t epoch : a.mapped_keyframes.sorted_keys())
+    EXPECT_EQ(a.mapped_of(epoch), b.mapped_of(epoch));
 }
 
 Map load(MapFile& file) {
@@ -159,7 +162,8 @@ void rework(Map& map) {
   delta.removed_landmarks = {landmarks[0]};
   delta.positions = {{landmarks[4], {1, 2, 3}}};
   apply_delta(map, delta);
-  map.replaced_landmarks.insert(landmarks[0], landmarks[1]);
+  map.replaced_landmarks.insert(landmarks[0], {landmarks[1], map.keyframes_ever});
+  map.mapped_keyframes.insert(kClient.epoch, 4);
   ASSERT_TRUE(remove_keyframe(map, {kClient.epoch, 2}));
 }
 
@@ -269,6 +273,33 @@ TEST_F(MapFileTest, CulledKeyframesLeaveTheJournalButStayCounted) {
   load(*file);
   EXPECT_EQ(pending_count(*file), 0u);
   EXPECT_EQ(file->next_sequence(kClient), 6u);
+}
+
+TEST_F(MapFileTest, CulledKeyframesThatTheMapHasForgottenDoNotComeBack) {
+  const Sent sent(small_world());
+  Map map = map_of(sent, 6);
+  rework(map);
+  map.removed_keyframes.erase({kClient.epoch, 2});
+  const auto file = open();
+  sent.append(*file, 0, 6);
+  EXPECT_EQ(save(*file, map).dropped_blobs, 1u);
+  EXPECT_EQ(pending_count(*file), 0u);
+  sent.append(*file, 2, 3);  // its acknowledgement was lost, it comes again
+  EXPECT_EQ(pending_count(*file), 0u);
+}
+
+TEST_F(MapFileTest, TellsWhichSavedKeyframesAwaitMapping) {
+  const Sent sent(small_world());
+  Map map = map_of(sent, 5);
+  map.mapped_keyframes.insert(kClient.epoch, 3);
+  {
+    const auto file = open();
+    sent.append(*file, 0, 6);
+    save(*file, map);
+  }
+  const auto file = open();
+  EXPECT_EQ(load(*file).unmapped(), (std::vector<KeyframeId>{{7, 3}, {7, 4}}));
+  EXPECT_EQ(pending_count(*file), 1u);
 }
 
 TEST_F(MapFileTest, KilledProcessLosesNothingThatWasAppended) {
