@@ -82,9 +82,10 @@ Status Pipeline::replay_journal() {
   const std::vector<KeyframeId> unmapped = writer_.snapshot()->unmapped();
   if (!unmapped.empty() || !pending->empty())
     log::info("{} journaled keyframes to map again", unmapped.size() + pending->size());
-  for (const KeyframeId id : unmapped) jobs_.push(client_of(*clients, id), Job{id, Clock::now()});
+  for (const KeyframeId id : unmapped)
+    jobs_.push(client_of(*clients, id), Job{id, Clock::now(), Origin::kFile});
   for (wire::DecodedKeyframe& decoded : *pending)
-    insert(decoded.client, std::move(decoded.keyframe), Clock::now());
+    insert(decoded.client, std::move(decoded.keyframe), Clock::now(), Origin::kFile);
   return {};
 }
 
@@ -140,18 +141,19 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   }
 }
 
-void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_point arrived) {
+void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_point arrived,
+                      Origin origin) {
   const KeyframeId id = keyframe->id;
   const Applied applied = writer_.submit(std::move(keyframe));
   log::debug("keyframe {} of {}: {} matches accepted, {} landmarks made, {} matches rejected",
              id.sequence, client.name, applied.keyframe.accepted, applied.keyframe.created,
              applied.keyframe.rejected);
-  jobs_.push(client, Job{id, arrived});
+  jobs_.push(client, Job{id, arrived, origin});
 }
 
 void Pipeline::insert_keyframes() {
   while (auto incoming = ingest_->next())
-    insert(incoming->client, std::move(incoming->keyframe), incoming->arrived);
+    insert(incoming->client, std::move(incoming->keyframe), incoming->arrived, Origin::kClient);
 }
 
 void Pipeline::map_keyframes() {
@@ -182,6 +184,7 @@ void Pipeline::map_keyframes() {
       } else if (job.keyframe.is_valid())
         metrics_.answer_ms.add(milliseconds_since(job.arrived));
     }
+    if (job.origin == Origin::kClient) ingest_->done(client);
     jobs_.done(client);
   }
 }

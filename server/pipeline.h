@@ -42,10 +42,13 @@ class Pipeline {
   ServerState state() const;
 
  private:
-  // A keyframe to be mapped, or (not valid) a wish for a full refresh.
+  // Where a job comes from: only a client's keyframe counts against the client's credits.
+  enum class Origin { kClient, kFile, kEvent };
+  // A keyframe to be mapped, or (not valid) something to tell the client.
   struct Job {
     KeyframeId keyframe;
     std::chrono::steady_clock::time_point arrived;
+    Origin origin = Origin::kEvent;
   };
 
   Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Map map);
@@ -53,7 +56,7 @@ class Pipeline {
   Status start_receiving();
   void on_client_event(const ClientEvent& event);
   void insert(const ClientId& client, KeyframePtr keyframe,
-              std::chrono::steady_clock::time_point arrived);
+              std::chrono::steady_clock::time_point arrived, Origin origin);
   void insert_keyframes();
   void map_keyframes();
   void save_now_and_then(std::stop_token stop);

@@ -15,7 +15,7 @@ struct ServerConfig {
   std::string map_file;  // empty: the map is gone when the server ends
   std::string http;      // ADDR:PORT of the status pages; empty: none
   std::string log_level = "info";
-  std::uint32_t queue_capacity = 32;  // keyframes a client that may be on their way
+  std::uint32_t queue_capacity = 32;  // keyframes of a client run, on their way or unmapped
   int mapping_threads = 2;            // keyframes mapped at once, each of another client
   double save_every_s = 30;
   // Local bundle adjustment: keyframes that are solved for at once.

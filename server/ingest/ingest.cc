@@ -287,6 +287,10 @@ std::optional<IncomingKeyframe> Ingest::next(std::stop_token stop) {
   return parts_->queue.next(stop);
 }
 
+void Ingest::done(const ClientId& client) {
+  parts_->queue.done(client);
+}
+
 Status Ingest::publish(const ClientId& client, const MapUpdate& update) {
   std::shared_ptr<Channel> channel;
   {

@@ -2,11 +2,12 @@
 // and hands them out in order, fairly; sends map updates.
 //
 // Per client run keyframes come out of next() in the order of their sequence, each exactly once.
-// Backpressure: a client may send as many as there is room in its queue (credits), so nothing that
-// has been acknowledged is ever dropped.
+// Backpressure: a client may send as many as there is room for (credits), so nothing that has been
+// acknowledged is ever dropped. A keyframe takes room until it is done(): the rest stays in the
+// client's outbox, however long the work on each one takes.
 //
 // Threads: one of its own receives, checks, journals and acknowledges. next() is for one consumer;
-// publish() and the rest are safe from any thread.
+// done(), publish() and the rest are safe from any thread.
 #pragma once
 
 #include <chrono>
@@ -49,7 +50,7 @@ struct ClientInfo {
   Sensor sensor = Sensor::kRgbd;
   bool connected = false;  // heard of within the last seconds
   std::chrono::steady_clock::time_point last_seen;
-  std::uint32_t queued = 0;         // keyframes waiting in its queue
+  std::uint32_t queued = 0;         // keyframes taken in and not done
   std::uint32_t next_sequence = 0;  // keyframes below it are journaled
   std::uint64_t revision = 0;       // of the latest update sent to it
 };
@@ -71,7 +72,7 @@ struct IngestStats {
 struct IngestOptions {
   std::uint32_t domain = 0;
   std::string partition = "cairn";    // the deployment's name
-  std::uint32_t queue_capacity = 32;  // keyframes a client run; also the most that are on their way
+  std::uint32_t queue_capacity = 32;  // keyframes a client run, on their way or being worked on
   MapId map;                          // for the status topic
   // Called from ingest's thread, one event at a time, from within start() on: must not block.
   // Needed by whoever sends updates.
@@ -90,6 +91,8 @@ class Ingest {
   // Waits for the next keyframe. Nothing when a stop was asked for, or after close() once all that
   // was taken in has been handed out.
   std::optional<IncomingKeyframe> next(std::stop_token stop = {});
+  // Once for each keyframe of next(), when all work on it is done: makes room for another one.
+  void done(const ClientId& client);
 
   // Sends an update to the client, in parts when it is big. Only whether base_revision is 0 (a full
   // refresh) matters here: revisions on the wire count per client and are set by this function.

@@ -8,8 +8,8 @@
 namespace cairn {
 
 // References into runs_ stay valid while others are inserted; only the offering thread (forget) and
-// the consumer (a forgotten run that is empty) erase, and the consumer leaves runs alone that the
-// offering thread may be working on: those are not forgotten.
+// done() (a forgotten run that is empty) erase, and done() leaves runs alone that the offering
+// thread may be working on: those are not forgotten.
 KeyframeQueue::Run& KeyframeQueue::open(const ClientId& client) {
   Run* run = nullptr;
   {
@@ -24,9 +24,12 @@ KeyframeQueue::Run& KeyframeQueue::open(const ClientId& client) {
   return *run;
 }
 
+std::uint32_t KeyframeQueue::taken(const Run& run) {
+  return static_cast<std::uint32_t>(run.ready.size()) + run.handed_out;
+}
+
 std::uint32_t KeyframeQueue::room(const Run& run) const {
-  const auto taken = static_cast<std::uint32_t>(run.ready.size());
-  return taken < capacity_ ? capacity_ - taken : 0;
+  return taken(run) < capacity_ ? capacity_ - taken(run) : 0;
 }
 
 KeyframeQueue::Window KeyframeQueue::window(const ClientId& client) {
@@ -94,7 +97,7 @@ void KeyframeQueue::forget(const ClientId& client) {
   if (it == runs_.end()) return;
   it->second.early.clear();
   it->second.forgotten = true;
-  if (it->second.ready.empty()) runs_.erase(it);
+  if (taken(it->second) == 0) runs_.erase(it);
 }
 
 std::optional<IncomingKeyframe> KeyframeQueue::next(std::stop_token stop) {
@@ -108,14 +111,25 @@ std::optional<IncomingKeyframe> KeyframeQueue::next(std::stop_token stop) {
   Run& run = it->second;
   std::optional<IncomingKeyframe> incoming(std::move(run.ready.front()));
   run.ready.pop_front();
+  ++run.handed_out;
   --queued_;
   served_last_ = it->first;
-  const bool tell = run.wants_room && room(run) > capacity_ / 2;
-  if (tell) run.wants_room = false;
-  if (run.forgotten && run.ready.empty()) runs_.erase(it);
-  lock.unlock();
-  if (tell && on_room_) on_room_();
   return incoming;
+}
+
+void KeyframeQueue::done(const ClientId& client) {
+  bool tell = false;
+  {
+    std::lock_guard lock(mutex_);
+    const auto it = runs_.find(client);
+    if (it == runs_.end() || it->second.handed_out == 0) return;
+    Run& run = it->second;
+    --run.handed_out;
+    tell = run.wants_room && room(run) > capacity_ / 2;
+    if (tell) run.wants_room = false;
+    if (run.forgotten && taken(run) == 0) runs_.erase(it);
+  }
+  if (tell && on_room_) on_room_();
 }
 
 void KeyframeQueue::close() {
@@ -134,7 +148,7 @@ std::uint32_t KeyframeQueue::queued() const {
 std::uint32_t KeyframeQueue::queued(const ClientId& client) const {
   std::lock_guard lock(mutex_);
   const auto it = runs_.find(client);
-  return it == runs_.end() ? 0 : static_cast<std::uint32_t>(it->second.ready.size());
+  return it == runs_.end() ? 0 : taken(it->second);
 }
 
 std::uint64_t KeyframeQueue::accepted() const {

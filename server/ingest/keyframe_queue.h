@@ -3,10 +3,11 @@
 //
 // A run's keyframes are journaled in the order of their sequence; one that comes early waits for
 // those before it, one that has been before is recognised. Each run has room for `capacity`
-// keyframes, waiting ones included; what a client may send follows from that (window()).
+// keyframes: those that wait here and those that were handed out and are not done yet. What a
+// client may send follows from that (window()).
 //
 // Threads: next() is for the consumer; offer(), window() and forget() for one other thread; the
-// rest for any.
+// rest, done() included, for any.
 #pragma once
 
 #include <chrono>
@@ -40,7 +41,7 @@ class KeyframeQueue {
     std::uint32_t credits = 0;        // keyframes from next_sequence on that there is room for
   };
 
-  // `on_room` is called from next(), outside of any lock, when a run whose window had become small
+  // `on_room` is called from done(), outside of any lock, when a run whose window had become small
   // has room again.
   KeyframeQueue(Journal& journal, std::uint32_t capacity, std::function<void()> on_room)
       : journal_(journal), capacity_(capacity), on_room_(std::move(on_room)) {}
@@ -53,12 +54,14 @@ class KeyframeQueue {
   // The run has ended: what it has journaled is still handed out.
   void forget(const ClientId& client);
 
+  // Each keyframe takes room until done() is called for its run.
   std::optional<IncomingKeyframe> next(std::stop_token stop);
+  void done(const ClientId& client);
   void close();  // next() ends when all is handed out
 
-  std::uint32_t queued() const;
-  std::uint32_t queued(const ClientId& client) const;
-  std::uint64_t accepted() const;  // journaled since the start
+  std::uint32_t queued() const;                        // waiting here, of all runs
+  std::uint32_t queued(const ClientId& client) const;  // of the run, not done yet
+  std::uint64_t accepted() const;                      // journaled since the start
   std::uint64_t journal_failures() const;
 
  private:
@@ -74,9 +77,11 @@ class KeyframeQueue {
     bool forgotten = false;  // guarded, as are:
     bool wants_room = false;
     std::deque<IncomingKeyframe> ready;
+    std::uint32_t handed_out = 0;  // and not done
   };
 
   Run& open(const ClientId& client);
+  static std::uint32_t taken(const Run& run);
   std::uint32_t room(const Run& run) const;
   bool admit(const ClientId& client, Run& run, KeyframePtr keyframe, wire::Bytes blob);
 

@@ -95,6 +95,7 @@ class IngestTest : public ::testing::Test {
       const auto incoming = ingest.next(stop.get_token());
       if (!incoming) break;
       sequences.push_back(incoming->keyframe->id.sequence);
+      ingest.done(incoming->client);
     }
     return sequences;
   }
@@ -165,6 +166,18 @@ TEST_F(IngestTest, SlowConsumerHoldsTheClientBackAndLosesNothing) {
   EXPECT_FALSE(link->wait_delivered(400ms));
   EXPECT_LE(ingest->stats().queued, 4u);
   EXPECT_EQ(take(*ingest, 30), up_to(30));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
+TEST_F(IngestTest, UnfinishedWorkHoldsTheClientBackAndLosesNothing) {
+  auto ingest = serve(/*capacity=*/4);
+  auto link = connect();
+  for (std::uint32_t i = 0; i < 12; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
+  for (std::uint32_t i = 0; i < 4; ++i) ASSERT_EQ(ingest->next()->keyframe->id.sequence, i);
+  EXPECT_FALSE(link->wait_delivered(400ms));
+  EXPECT_EQ(ingest->stats().accepted, 4u) << "the rest waits in the outbox";
+  for (int i = 0; i < 4; ++i) ingest->done({"alice", kEpoch});
+  EXPECT_EQ(take(*ingest, 8), (std::vector<std::uint32_t>{4, 5, 6, 7, 8, 9, 10, 11}));
   EXPECT_TRUE(link->wait_delivered(5s));
 }
 

@@ -24,6 +24,7 @@ class KeyframeQueueTest : public ::testing::Test {
     return queue_.offer(client, oldest, sample_keyframe_ptr({client.epoch, sequence}, 0),
                         wire::Blob{1, 2, 3});
   }
+  void take_one() { queue_.done(queue_.next({})->client); }
   // "alice 0", "bob 1" and so on, until the queue is empty.
   std::vector<std::string> take_all() {
     std::vector<std::string> taken;
@@ -31,6 +32,7 @@ class KeyframeQueueTest : public ::testing::Test {
       const auto incoming = queue_.next({});
       taken.push_back(incoming->client.name + " " +
                       std::to_string(incoming->keyframe->id.sequence));
+      queue_.done(incoming->client);
     }
     return taken;
   }
@@ -87,7 +89,7 @@ TEST_F(KeyframeQueueTest, CreditsAreTheRoomLeft) {
   EXPECT_EQ(queue_.window(kAlice).credits, 0u);
   EXPECT_EQ(offer(kAlice, 4), Arrival::kBeyond);
   EXPECT_EQ(journal_.sequences(kAlice).size(), 4u);
-  (void)queue_.next({});
+  take_one();
   EXPECT_EQ(queue_.window(kAlice).credits, 1u);
   EXPECT_EQ(offer(kAlice, 5), Arrival::kBeyond);
   EXPECT_EQ(offer(kAlice, 4), Arrival::kAccepted);
@@ -96,13 +98,38 @@ TEST_F(KeyframeQueueTest, CreditsAreTheRoomLeft) {
 TEST_F(KeyframeQueueTest, TellsWhenARunThatWasFullHasRoomAgain) {
   for (std::uint32_t i = 0; i < 4; ++i) offer(kAlice, i);
   (void)queue_.window(kAlice);
-  (void)queue_.next({});
-  (void)queue_.next({});
+  take_one();
+  take_one();
   EXPECT_EQ(room_calls_, 0);
-  (void)queue_.next({});
+  take_one();
   EXPECT_EQ(room_calls_, 1);
-  (void)queue_.next({});
+  take_one();
   EXPECT_EQ(room_calls_, 1);
+}
+
+TEST_F(KeyframeQueueTest, WhatIsHandedOutTakesRoomUntilItIsDone) {
+  for (std::uint32_t i = 0; i < 4; ++i) offer(kAlice, i);
+  for (int i = 0; i < 4; ++i) (void)queue_.next({});
+  EXPECT_EQ(queue_.queued(kAlice), 4u);
+  EXPECT_EQ(queue_.window(kAlice).credits, 0u);
+  EXPECT_EQ(offer(kAlice, 4), Arrival::kBeyond);
+  EXPECT_EQ(queue_.window(kBob).credits, 4u) << "the others have room of their own";
+  EXPECT_EQ(room_calls_, 0);
+  for (int i = 0; i < 4; ++i) queue_.done(kAlice);
+  EXPECT_EQ(room_calls_, 1);
+  EXPECT_EQ(queue_.window(kAlice).credits, 4u);
+  queue_.done(kAlice);  // of one that did not come through here
+  EXPECT_EQ(queue_.window(kAlice).credits, 4u);
+}
+
+TEST_F(KeyframeQueueTest, ARunThatComesBackStillHasToWaitForItsWork) {
+  for (std::uint32_t i = 0; i < 4; ++i) offer(kAlice, i);
+  for (int i = 0; i < 4; ++i) (void)queue_.next({});
+  queue_.forget(kAlice);
+  EXPECT_EQ(queue_.window(kAlice).credits, 0u);
+  queue_.forget(kAlice);
+  for (int i = 0; i < 4; ++i) queue_.done(kAlice);
+  EXPECT_EQ(queue_.window(kAlice).credits, 4u);
 }
 
 TEST_F(KeyframeQueueTest, ClientsAreServedInTurn) {
