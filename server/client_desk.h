@@ -3,8 +3,12 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
 
-#include "common/model/ids.h"
+#include "common/util/status.h"
 #include "server/map/map_writer.h"
 #include "server/mapping/local_mapping.h"
 #include "server/publish/publish.h"
@@ -14,15 +18,57 @@ namespace cairn {
 // The FairQueue gives out one job of a client at a time; whoever has it uses the client's desk.
 class ClientDesk {
  public:
+  // `writer` must outlive this. The desk of a run that the map has keyframes of goes on from there.
   ClientDesk(const ClientId& client, MapWriter& writer, const LocalSolver& solver,
-             const LocalMappingOptions& options)
-      : mapping(writer, solver, options), view(client.epoch) {}
+             const LocalMappingOptions& options);
 
-  LocalMapping mapping;
-  ClientView view;
-  std::uint32_t mapped_keyframes = 0;  // 0 .. mapped_keyframes-1 have been through mapping
+  LocalMappingReport map_keyframe(KeyframeId id, std::size_t backlog);
+
+  // Sends what the client has not been told yet, if anything, or all anew when it wants a refresh.
+  // What `send` refuses the client has not heard of: the next time starts over.
+  Status tell(const Map& map, const std::function<Status(const MapUpdate&)>& send);
+
   // From any thread: the client has missed something, tell it everything anew.
-  std::atomic<bool> wants_refresh = false;
+  void refresh() { wants_refresh_ = true; }
+
+  // From any thread: whether a job without a keyframe waits for this desk; one at a time is enough.
+  std::atomic<bool> event_waits = false;
+
+ private:
+  LocalMapping mapping_;
+  ClientView view_;
+  std::uint32_t mapped_keyframes_;  // 0 .. mapped_keyframes-1 have been through mapping
+  std::atomic<bool> wants_refresh_ = false;
+};
+
+// The desks in use. A client that is there has one; a run that is not, for as long as there is work
+// on its keyframes. All members are safe from any thread.
+class ClientDesks {
+ public:
+  using Make = std::function<std::shared_ptr<ClientDesk>(const ClientId&)>;
+  explicit ClientDesks(Make make) : make_(std::move(make)) {}
+
+  // The desk, made when there is none.
+  std::shared_ptr<ClientDesk> of(const ClientId& client);
+  // The client is there: its desk stays until leave() and then release().
+  std::shared_ptr<ClientDesk> join(const ClientId& client);
+  // Null when it has none.
+  std::shared_ptr<ClientDesk> leave(const ClientId& client);
+  bool is_there(const ClientId& client) const;
+  // Frees the desk of a run that is not there. By whoever has the client's job, when none follows.
+  void release(const ClientId& client);
+  std::size_t size() const;
+
+ private:
+  struct Entry {
+    std::shared_ptr<ClientDesk> desk;
+    bool is_there = false;
+  };
+  Entry& entry(const ClientId& client);  // with mutex_ held
+
+  const Make make_;
+  mutable std::mutex mutex_;
+  std::map<ClientId, Entry> entries_;
 };
 
 }  // namespace cairn

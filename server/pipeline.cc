@@ -1,11 +1,10 @@
 #include "server/pipeline.h"
 
-#include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "common/util/clock.h"
 #include "common/util/log.h"
-#include "server/client_desk.h"
 #include "server/optimize/local_ba.h"
 
 namespace cairn {
@@ -66,7 +65,10 @@ Result<std::unique_ptr<Pipeline>> Pipeline::start(const ServerConfig& config) {
 }
 
 Pipeline::Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Map map)
-    : config_(config), file_(std::move(file)), writer_(std::move(map)) {}
+    : config_(config),
+      file_(std::move(file)),
+      writer_(std::move(map)),
+      desks_([this](const ClientId& client) { return make_desk(client); }) {}
 
 Pipeline::~Pipeline() {
   if (!stopped_) (void)stop();
@@ -95,6 +97,7 @@ Status Pipeline::start_receiving() {
   options.partition = config_.partition;
   options.queue_capacity = config_.queue_capacity;
   options.map = writer_.snapshot()->id;
+  options.forget_after = std::chrono::milliseconds(std::llround(1000 * config_.forget_client_s));
   options.on_event = [this](const ClientEvent& event) { on_client_event(event); };
   Result<std::unique_ptr<Ingest>> ingest = Ingest::start(options, *file_);
   if (!ingest) return ingest.error();
@@ -117,28 +120,19 @@ Status Pipeline::start_receiving() {
   return {};
 }
 
-std::shared_ptr<ClientDesk> Pipeline::desk(const ClientId& client) {
+std::shared_ptr<ClientDesk> Pipeline::make_desk(const ClientId& client) {
   LocalMappingOptions options;
   options.window.max_free = static_cast<std::size_t>(config_.local_window);
-  std::lock_guard lock(desks_mutex_);
-  std::shared_ptr<ClientDesk>& found = desks_[client];
-  if (!found) {
-    found = std::make_shared<ClientDesk>(client, writer_, solve, options);
-    found->mapped_keyframes = writer_.snapshot()->mapped_of(client.epoch);
-  }
-  return found;
+  return std::make_shared<ClientDesk>(client, writer_, solve, options);
 }
 
 // On ingest's thread: must not block.
 void Pipeline::on_client_event(const ClientEvent& event) {
-  switch (event.kind) {
-    case ClientEvent::Kind::kJoined:
-    case ClientEvent::Kind::kRefresh:
-      if (!desk(event.client)->wants_refresh.exchange(true)) jobs_.push(event.client, Job{});
-      break;
-    case ClientEvent::Kind::kLeft:
-      break;  // its keyframes stay, and it may come back
-  }
+  const bool left = event.kind == ClientEvent::Kind::kLeft;
+  const auto desk = left ? desks_.leave(event.client) : desks_.join(event.client);
+  if (!desk) return;
+  if (!left) desk->refresh();
+  if (!desk->event_waits.exchange(true)) jobs_.push(event.client, Job{});
 }
 
 void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_point arrived,
@@ -159,34 +153,40 @@ void Pipeline::insert_keyframes() {
 void Pipeline::map_keyframes() {
   while (const auto taken = jobs_.take()) {
     const ClientId& client = taken->party;
-    const std::shared_ptr<ClientDesk> mine = desk(client);
     const Job& job = taken->item;
-    if (job.keyframe.is_valid()) {
-      const LocalMappingReport report = mine->mapping.map_keyframe(job.keyframe, taken->behind);
-      mine->mapped_keyframes = std::max(mine->mapped_keyframes, job.keyframe.sequence + 1);
-      metrics_.mapping_ms.add(report.total_ms);
-      ++metrics_.mapped;
-      if (report.solved) metrics_.solving_ms.add(report.solve_ms);
-      log::debug(
-          "mapped keyframe {} of {} in {:.0f} ms (BA {:.0f}): {} made, {} fused, {} added, "
-          "{} landmarks and {} keyframes culled",
-          job.keyframe.sequence, client.name, report.total_ms, report.solve_ms,
-          report.landmarks_made, report.fused, report.observations_added, report.landmarks_culled,
-          report.keyframes_culled);
-    }
-    const auto kind = mine->wants_refresh.exchange(false) ? ClientView::Kind::kRefresh
-                                                          : ClientView::Kind::kChanges;
-    if (const auto update =
-            mine->view.difference(*writer_.snapshot(), mine->mapped_keyframes, kind)) {
-      if (Status sent = ingest_->publish(client, *update); !sent) {
-        log::debug("no update to {}: {}", client.name, sent.message());
-        mine->wants_refresh = true;  // the view takes it as told, the client has not heard it
-      } else if (job.keyframe.is_valid())
-        metrics_.answer_ms.add(milliseconds_since(job.arrived));
-    }
+    const std::shared_ptr<ClientDesk> desk = desks_.of(client);
+    if (job.keyframe.is_valid())
+      map_keyframe(client, *desk, job, taken->behind);
+    else
+      desk->event_waits = false;
+    if (desks_.is_there(client)) answer(client, *desk, job);
+    if (taken->behind == 0) desks_.release(client);
     if (job.origin == Origin::kClient) ingest_->done(client);
     jobs_.done(client);
   }
+}
+
+void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job,
+                            std::size_t backlog) {
+  const LocalMappingReport report = desk.map_keyframe(job.keyframe, backlog);
+  metrics_.mapping_ms.add(report.total_ms);
+  ++metrics_.mapped;
+  if (report.solved) metrics_.solving_ms.add(report.solve_ms);
+  log::debug(
+      "mapped keyframe {} of {} in {:.0f} ms (BA {:.0f}): {} made, {} fused, {} added, "
+      "{} landmarks and {} keyframes culled",
+      job.keyframe.sequence, client.name, report.total_ms, report.solve_ms, report.landmarks_made,
+      report.fused, report.observations_added, report.landmarks_culled, report.keyframes_culled);
+}
+
+void Pipeline::answer(const ClientId& client, ClientDesk& desk, const Job& job) {
+  const Status told = desk.tell(*writer_.snapshot(), [&](const MapUpdate& update) {
+    return ingest_->publish(client, update);
+  });
+  if (!told)
+    log::debug("no update to {}: {}", client.name, told.message());
+  else if (job.keyframe.is_valid())
+    metrics_.answer_ms.add(milliseconds_since(job.arrived));
 }
 
 void Pipeline::save_now_and_then(std::stop_token stop) {
@@ -233,6 +233,7 @@ ServerState Pipeline::state() const {
   state.keyframes_ever = map->keyframes_ever;
   state.awaiting_mapping = jobs_.size();
   state.mapped = metrics_.mapped;
+  state.desks = desks_.size();
   state.uptime_s = started_.milliseconds() / 1000;
   state.mapping_ms_median = metrics_.mapping_ms.quantile(0.5);
   state.mapping_ms_p95 = metrics_.mapping_ms.quantile(0.95);

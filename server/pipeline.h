@@ -8,9 +8,7 @@
 #pragma once
 
 #include <chrono>
-#include <map>
 #include <memory>
-#include <mutex>
 #include <stop_token>
 #include <thread>
 #include <vector>
@@ -18,6 +16,7 @@
 #include "common/util/clock.h"
 #include "common/util/fair_queue.h"
 #include "common/util/status.h"
+#include "server/client_desk.h"
 #include "server/http/status_server.h"
 #include "server/ingest/ingest.h"
 #include "server/map/map_writer.h"
@@ -26,8 +25,6 @@
 #include "server/storage/map_file.h"
 
 namespace cairn {
-
-class ClientDesk;
 
 class Pipeline {
  public:
@@ -59,9 +56,11 @@ class Pipeline {
               std::chrono::steady_clock::time_point arrived, Origin origin);
   void insert_keyframes();
   void map_keyframes();
+  void map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job, std::size_t backlog);
+  void answer(const ClientId& client, ClientDesk& desk, const Job& job);
   void save_now_and_then(std::stop_token stop);
   Status save();
-  std::shared_ptr<ClientDesk> desk(const ClientId& client);
+  std::shared_ptr<ClientDesk> make_desk(const ClientId& client);
 
   const ServerConfig config_;
   std::unique_ptr<MapFile> file_;
@@ -69,9 +68,8 @@ class Pipeline {
   std::unique_ptr<Ingest> ingest_;
   FairQueue<ClientId, Job> jobs_;
   ServerMetrics metrics_;
-  mutable std::mutex desks_mutex_;
-  std::map<ClientId, std::shared_ptr<ClientDesk>> desks_;  // guarded by desks_mutex_
-  std::uint64_t saved_revision_ = 0;                       // saver thread, then stop()
+  ClientDesks desks_;
+  std::uint64_t saved_revision_ = 0;  // saver thread, then stop()
   std::unique_ptr<StatusServer> http_;
   std::jthread inserter_, saver_;
   std::vector<std::jthread> mappers_;

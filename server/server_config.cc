@@ -15,6 +15,7 @@ Result<ServerConfig> load_server_config(const std::string& path) {
   config.http = root.text_or("http", config.http);
   config.log_level = root.text_or("log_level", config.log_level);
   config.save_every_s = root.number_or("save_every_s", config.save_every_s, {1, 86400});
+  config.forget_client_s = root.number_or("forget_client_s", config.forget_client_s, {5, 86400});
   config.queue_capacity = static_cast<std::uint32_t>(
       root.integer_or("queue_capacity", config.queue_capacity, {1, 10000}));
   if (auto mapping = root.optional_section("mapping")) {

@@ -18,6 +18,7 @@ struct ServerConfig {
   std::uint32_t queue_capacity = 32;  // keyframes of a client run, on their way or unmapped
   int mapping_threads = 2;            // keyframes mapped at once, each of another client
   double save_every_s = 30;
+  double forget_client_s = 600;  // of silence, after which a client counts as gone
   // Local bundle adjustment: keyframes that are solved for at once.
   int local_window = 15;
 };

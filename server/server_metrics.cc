@@ -36,11 +36,14 @@ std::string to_json(const ServerState& s) {
                  {"keyframes", s.keyframes},
                  {"keyframes_ever", s.keyframes_ever},
                  {"landmarks", s.landmarks}};
-  json["mapping"] = {
-      {"waiting", s.awaiting_mapping},          {"mapped", s.mapped},
-      {"ms_median", s.mapping_ms_median},       {"ms_p95", s.mapping_ms_p95},
-      {"solve_ms_median", s.solving_ms_median}, {"answer_ms_median", s.answer_ms_median},
-      {"answer_ms_p95", s.answer_ms_p95}};
+  json["mapping"] = {{"waiting", s.awaiting_mapping},
+                     {"mapped", s.mapped},
+                     {"runs", s.desks},
+                     {"ms_median", s.mapping_ms_median},
+                     {"ms_p95", s.mapping_ms_p95},
+                     {"solve_ms_median", s.solving_ms_median},
+                     {"answer_ms_median", s.answer_ms_median},
+                     {"answer_ms_p95", s.answer_ms_p95}};
   json["ingest"] = {
       {"accepted", s.ingest.accepted},   {"duplicates", s.ingest.duplicates},
       {"malformed", s.ingest.malformed}, {"journal_failures", s.ingest.journal_failures},

@@ -18,6 +18,7 @@ struct ServerState {
   std::uint64_t keyframes_ever = 0;
   std::size_t awaiting_mapping = 0;
   std::uint64_t mapped = 0;  // keyframes since the start
+  std::size_t desks = 0;     // client runs that mapping keeps something for
   double uptime_s = 0;
   double mapping_ms_median = 0, mapping_ms_p95 = 0;  // local mapping of one keyframe
   double solving_ms_median = 0;                      // the bundle adjustment in it

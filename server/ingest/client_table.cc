@@ -61,6 +61,21 @@ ClientTable::Answer ClientTable::join(const wire::ClientStateMessage& state,
   return answer;
 }
 
+ClientTable::Answer ClientTable::expire(Clock::time_point now, std::chrono::milliseconds silence) {
+  Answer answer;
+  for (auto it = sessions_.begin(); it != sessions_.end();) {
+    Session& session = it->second;
+    if (now - session.last_seen < silence) {
+      ++it;
+      continue;
+    }
+    answer.events.push_back({ClientEvent::Kind::kLeft, session.client, session.sensor});
+    answer.ended.push_back(std::move(session));
+    it = sessions_.erase(it);
+  }
+  return answer;
+}
+
 ClientTable::Session* ClientTable::deliverer(const ClientId& client) {
   const auto it = sessions_.find(client.name);
   if (it == sessions_.end()) return nullptr;

@@ -42,6 +42,8 @@ class ClientTable {
   };
 
   Answer on_state(const wire::ClientStateMessage& state, Clock::time_point now);
+  // Ends the sessions that have been silent for so long.
+  Answer expire(Clock::time_point now, std::chrono::milliseconds silence);
   // The session that may deliver keyframes of `client`, which can be an earlier run of it; null
   // when there is none.
   Session* deliverer(const ClientId& client);

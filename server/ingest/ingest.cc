@@ -46,8 +46,7 @@ struct Ingest::Parts {
         keyframes(std::move(k)),
         states(std::move(c)),
         status(std::move(s)),
-        queue(journal, o.queue_capacity, [this] { loop->wake(); }),
-        map(o.map) {}
+        queue(journal, o.queue_capacity, [this] { loop->wake(); }) {}
 
   const IngestOptions options;
   const std::uint64_t instance = random_instance();
@@ -66,7 +65,6 @@ struct Ingest::Parts {
   std::map<std::string, ChannelUse> channels;  // by name of the client
   std::map<ClientId, std::uint32_t> next_sequences;
   IngestStats counts;
-  MapId map;
 
   std::unique_ptr<dds::WaitLoop> loop;  // last: ends before what it uses
 
@@ -75,6 +73,8 @@ struct Ingest::Parts {
   void count(KeyframeQueue::Arrival arrival);
   void receive_states();
   void receive_state(const wire::ClientStateMessage& state);
+  std::vector<ChannelUse> close_sessions(const ClientTable::Answer& answer);
+  void tell(const std::vector<ClientEvent>& events);
   std::shared_ptr<Channel> channel_of(const std::string& client);
   void acknowledge(const ClientId& client);
   void refuse(const ClientId& client, const std::string& refusal);
@@ -152,16 +152,28 @@ void Ingest::Parts::receive_state(const wire::ClientStateMessage& state) {
     std::lock_guard lock(mutex);
     answer = table.on_state(state, Clock::now());
     if (!answer.refusal.empty()) ++counts.refused;
-    for (const auto& ended : answer.ended) {
-      if (auto node = channels.extract(ended.client.name)) closed.push_back(node.mapped());
-      for (const std::uint64_t epoch : ended.runs) next_sequences.erase({ended.client.name, epoch});
-    }
+    closed = close_sessions(answer);
   }
-  for (const auto& ended : answer.ended)
-    for (const std::uint64_t epoch : ended.runs) queue.forget({ended.client.name, epoch});
   if (!answer.refusal.empty()) return refuse(state.client, answer.refusal);
   if (!state.leaving) acknowledge(state.client);
-  for (const ClientEvent& event : answer.events) {
+  tell(answer.events);
+}
+
+// With the mutex held. Returns the channels that end with the sessions.
+std::vector<ChannelUse> Ingest::Parts::close_sessions(const ClientTable::Answer& answer) {
+  std::vector<ChannelUse> closed;
+  for (const auto& ended : answer.ended) {
+    if (auto node = channels.extract(ended.client.name)) closed.push_back(node.mapped());
+    for (const std::uint64_t epoch : ended.runs) {
+      next_sequences.erase({ended.client.name, epoch});
+      queue.forget({ended.client.name, epoch});
+    }
+  }
+  return closed;
+}
+
+void Ingest::Parts::tell(const std::vector<ClientEvent>& events) {
+  for (const ClientEvent& event : events) {
     const bool joined = event.kind == ClientEvent::Kind::kJoined;
     if (event.kind != ClientEvent::Kind::kRefresh)
       log::debug("client {} {}", event.client.name, joined ? "joined" : "left");
@@ -216,14 +228,19 @@ void Ingest::Parts::refuse(const ClientId& client, const std::string& refusal) {
 // Runs every second, and when a run has room again.
 void Ingest::Parts::tick() {
   std::vector<ClientId> runs;
+  ClientTable::Answer silent;
+  std::vector<ChannelUse> closed;  // closes outside of the lock
   const auto now = Clock::now();
   {
     std::lock_guard lock(mutex);
+    silent = table.expire(now, options.forget_after);
+    closed = close_sessions(silent);
     for (const auto& [name, session] : table.sessions())
       if (session.connected(now))
         for (const std::uint64_t epoch : session.runs) runs.push_back({name, epoch});
     rest_channels(now);
   }
+  tell(silent.events);
   for (const ClientId& run : runs) acknowledge(run);
   if (now >= next_status) send_status();
 }
@@ -240,9 +257,9 @@ void Ingest::Parts::send_status() {
   const auto now = Clock::now();
   {
     std::lock_guard lock(mutex);
-    message.map = map;
     for (const auto& [name, session] : table.sessions()) message.clients += session.connected(now);
   }
+  message.map = options.map;
   message.server = instance;
   message.keyframes = queue.accepted();
   message.uptime_ms = static_cast<std::uint64_t>(
@@ -342,11 +359,6 @@ IngestStats Ingest::stats() const {
   stats.journal_failures = failures;
   stats.queued = queued;
   return stats;
-}
-
-void Ingest::set_map(MapId map) {
-  std::lock_guard lock(parts_->mutex);
-  parts_->map = map;
 }
 
 void Ingest::close() {

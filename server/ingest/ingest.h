@@ -38,7 +38,7 @@ struct ClientEvent {
     kJoined,   // a new run of a client, or one that the server did not know since its own start:
                // send it a full refresh first
     kRefresh,  // has missed an update: the next one must be a full refresh
-    kLeft,     // said goodbye, or another run has taken its place
+    kLeft,     // said goodbye, was silent for long, or another run has taken its place
   };
   Kind kind = Kind::kJoined;
   ClientId client;
@@ -74,6 +74,7 @@ struct IngestOptions {
   std::string partition = "cairn";    // the deployment's name
   std::uint32_t queue_capacity = 32;  // keyframes a client run, on their way or being worked on
   MapId map;                          // for the status topic
+  std::chrono::milliseconds forget_after{600'000};  // of silence a client counts as gone
   // Called from ingest's thread, one event at a time, from within start() on: must not block.
   // Needed by whoever sends updates.
   std::function<void(const ClientEvent&)> on_event;
@@ -101,7 +102,6 @@ class Ingest {
 
   std::vector<ClientInfo> clients() const;  // ascending by id
   IngestStats stats() const;
-  void set_map(MapId map);  // for the status topic
 
   // Ends receiving; next() goes on until its queue is empty, publish() until destruction.
   void close();

@@ -57,9 +57,9 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
   update.mapped_keyframes = mapped_keyframes_ = mapped_keyframes;
   map_ = map.id;
 
-  compare_keyframes(map, mapped_keyframes, kind, update);
+  compare_keyframes(map, mapped_keyframes, update);
   check_vanished(map, update);
-  if (kind != Kind::kFinal) compare_landmarks_around(map, update);
+  compare_landmarks_around(map, update);
   take_back_the_farthest(update);
 
   if (!news && update.keyframes.empty() && update.removed_keyframes.empty() &&
@@ -82,8 +82,7 @@ void ClientView::start_over() {
   next_check_ = 0;
 }
 
-void ClientView::compare_keyframes(const Map& map, std::uint32_t count, Kind kind,
-                                   MapUpdate& update) {
+void ClientView::compare_keyframes(const Map& map, std::uint32_t count, MapUpdate& update) {
   // Sequences may have gaps where another server's journal was lost; past the mapped ones there are
   // those that have just arrived.
   std::size_t size = std::max<std::size_t>(count, keyframes_.size());
@@ -102,7 +101,7 @@ void ClientView::compare_keyframes(const Map& map, std::uint32_t count, Kind kin
     OwnKeyframe& own = keyframes_[sequence];
     const KeyframeNode* node = map.keyframes.find({epoch_, sequence});
     if (node) {
-      compare_pose(*node, own, kind, update);
+      compare_pose(*node, own, update);
       if (!own.counted) count_own_landmarks(*node);
       own.counted = true;
     } else if (own.told != Told::kRemoval) {
@@ -111,8 +110,7 @@ void ClientView::compare_keyframes(const Map& map, std::uint32_t count, Kind kin
   }
 }
 
-void ClientView::compare_pose(const KeyframeNode& node, OwnKeyframe& own, Kind kind,
-                              MapUpdate& update) const {
+void ClientView::compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpdate& update) const {
   const Rigid3& pose = node.map_from_camera;
   if (own.told == Told::kPose) {
     const Rigid3& old = own.map_from_camera;
@@ -121,7 +119,7 @@ void ClientView::compare_pose(const KeyframeNode& node, OwnKeyframe& own, Kind k
     if (same) return;
     const bool close = (old.translation - pose.translation).norm() <= options_.pose_moved &&
                        old.rotation.angularDistance(pose.rotation) <= options_.pose_turned;
-    if (close && kind != Kind::kFinal) return;
+    if (close) return;
   }
   own.told = Told::kPose;
   own.map_from_camera = pose;

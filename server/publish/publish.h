@@ -43,7 +43,6 @@ class ClientView {
   enum class Kind {
     kChanges,
     kRefresh,  // the client starts over with what this update says: after a gap
-    kFinal,    // the exact poses of all own keyframes, and no landmarks
   };
 
   explicit ClientView(std::uint64_t epoch, const PublishOptions& options = {})
@@ -77,8 +76,8 @@ class ClientView {
   using Slot = std::uint32_t;
 
   void start_over();
-  void compare_keyframes(const Map& map, std::uint32_t count, Kind kind, MapUpdate& update);
-  void compare_pose(const KeyframeNode& node, OwnKeyframe& own, Kind kind, MapUpdate& update) const;
+  void compare_keyframes(const Map& map, std::uint32_t count, MapUpdate& update);
+  void compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpdate& update) const;
   void tell_removal(const Map& map, std::uint32_t sequence, MapUpdate& update);
   void count_own_landmarks(const KeyframeNode& node);
   std::optional<KeyframeId> nearest_own(const Map& map, std::uint32_t sequence) const;

@@ -7,7 +7,9 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <thread>
 
+#include "client/link/link.h"
 #include "common/wire/keyframe_codec.h"
 #include "tests/support/loopback.h"
 #include "tests/unit/server/synthetic_map.h"
@@ -65,6 +67,30 @@ class PipelineTest : public ::testing::Test {
     EXPECT_TRUE(map.ok() && map->has_value()) << map.message();
     if (pending) *pending = (*file)->pending_keyframes()->size();
     return map.ok() && map->has_value() ? std::move(**map) : Map{};
+  }
+
+  std::unique_ptr<Link> connect(const ClientId& client) {
+    const auto node = net_.node();
+    LinkOptions options;
+    options.client = client;
+    options.domain = node.domain;
+    options.outbox = folder_ / "outbox";
+    options.dds_config = node.config;
+    auto link = Link::start(options);
+    EXPECT_TRUE(link.ok()) << link.message();
+    return std::move(*link);
+  }
+  // Takes updates until so many keyframes are mapped. False after some seconds without one.
+  static bool wait_mapped(Link& link, std::uint32_t count) {
+    while (const auto update = link.wait_update(std::chrono::seconds(5)))
+      if (update->mapped_keyframes >= count) return true;
+    return false;
+  }
+  // Nothing tells the end of a desk: looks again and again, for some seconds.
+  static bool wait_desks(const Pipeline& pipeline, std::size_t count) {
+    for (int i = 0; i < 500 && pipeline.state().desks != count; ++i)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return pipeline.state().desks == count;
   }
 
   testing::Loopback net_;
@@ -138,6 +164,30 @@ TEST_F(PipelineTest, AnEndFinishesTheMappingOfALongQueueAndSaves) {
   EXPECT_EQ(pending, 0u);
   EXPECT_EQ(map.keyframes.size() + map.removed_keyframes.size(), 30u);
   EXPECT_TRUE(map.unmapped().empty());
+}
+
+TEST_F(PipelineTest, MappingGivesRoomBackToTheClient) {
+  const SyntheticMap world({.keyframes = 12, .points = 100});
+  config_.queue_capacity = 2;
+  const auto pipeline = start();
+  ASSERT_TRUE(pipeline);
+  const auto link = connect(kClient);
+  for (const KeyframePtr& keyframe : world.keyframes) link->send(keyframe);
+  EXPECT_TRUE(wait_mapped(*link, 12));
+  EXPECT_TRUE(link->wait_delivered(std::chrono::seconds(5)));
+}
+
+TEST_F(PipelineTest, WhatIsKeptForAClientGoesWithIt) {
+  const SyntheticMap world({.keyframes = 3, .points = 100});
+  leave_file(world, 1);
+  const auto pipeline = start();
+  ASSERT_TRUE(pipeline);
+  EXPECT_TRUE(wait_desks(*pipeline, 0)) << "of a run that is not there";
+  const auto link = connect({"walker", 8});
+  ASSERT_TRUE(link->wait_update(std::chrono::seconds(5)));
+  EXPECT_TRUE(wait_desks(*pipeline, 1));
+  link->stop();
+  EXPECT_TRUE(wait_desks(*pipeline, 0));
 }
 
 }  // namespace

@@ -90,5 +90,25 @@ TEST_F(ClientTableTest, NumberOfClientsIsBounded) {
   EXPECT_FALSE(hello("one-more", 1, 0s).refusal.empty());
 }
 
+TEST_F(ClientTableTest, ForgetsWhoWasSilentForLongAndTakesItBack) {
+  hello("a", 1, 0s);
+  hello("b", 2, 50s);
+  EXPECT_TRUE(kinds(table_.expire(start_ + 59s, 60s)).empty());
+  const auto answer = table_.expire(start_ + 60s, 60s);
+  EXPECT_EQ(kinds(answer), (std::vector{Kind::kLeft}));
+  ASSERT_EQ(answer.ended.size(), 1u);
+  EXPECT_EQ(answer.ended[0].client, (ClientId{"a", 1}));
+  EXPECT_EQ(table_.find({"a", 1}), nullptr);
+  EXPECT_NE(table_.find({"b", 2}), nullptr);
+  EXPECT_EQ(kinds(hello("a", 1, 61s)), (std::vector{Kind::kJoined}));
+}
+
+TEST_F(ClientTableTest, SilentClientsDoNotTakePlacesForEver) {
+  for (std::size_t i = 0; i < ClientTable::kMaxClients; ++i) hello(std::to_string(i), i + 1, 0s);
+  EXPECT_FALSE(hello("late", 9999, 30s).refusal.empty());
+  table_.expire(start_ + 60s, 60s);
+  EXPECT_TRUE(hello("late", 9999, 60s).refusal.empty());
+}
+
 }  // namespace
 }  // namespace cairn

@@ -45,6 +45,7 @@ class IngestTest : public ::testing::Test {
                                  .partition = "cairn",
                                  .queue_capacity = capacity,
                                  .map = {1},
+                                 .forget_after = forget_after_,
                                  .on_event = [this](const ClientEvent& e) { note(e); },
                                  .dds_config = node.config},
                                 journal_);
@@ -72,6 +73,10 @@ class IngestTest : public ::testing::Test {
     std::lock_guard lock(mutex_);
     events_.push_back(event);
     changed_.notify_all();
+  }
+  void forget_events() {
+    std::lock_guard lock(mutex_);
+    events_.clear();
   }
   bool wait_event(ClientEvent::Kind kind, const std::string& name = "alice") {
     std::unique_lock lock(mutex_);
@@ -101,6 +106,7 @@ class IngestTest : public ::testing::Test {
   }
 
   Loopback net_;
+  std::chrono::milliseconds forget_after_ = 600s;
   std::uint32_t client_domain_ = 0;  // of the link that was made last
   MemoryJournal journal_;
   std::filesystem::path folder_;
@@ -225,6 +231,23 @@ TEST_F(IngestTest, LinkCutLongerThanTheLeaseNeitherLosesNorRepeats) {
   EXPECT_EQ(journal_.sequences({"alice", kEpoch}), up_to(30));
 }
 
+TEST_F(IngestTest, AClientThatWasForgottenInItsSilenceJoinsAgain) {
+  forget_after_ = 1500ms;
+  auto ingest = serve();
+  auto link = connect();
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  const auto participant = dds::Participant::create({client_domain_, ""});
+  ASSERT_TRUE(participant);
+  ASSERT_TRUE((*participant)->set_cut(true));
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kLeft));
+  EXPECT_TRUE(ingest->clients().empty());
+  forget_events();
+  ASSERT_TRUE((*participant)->set_cut(false));
+  EXPECT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  link->send(sample_keyframe_ptr({kEpoch, 0}));
+  EXPECT_TRUE(link->wait_delivered(5s));
+}
+
 TEST_F(IngestTest, SendingAndPollingTakeMicroseconds) {
   auto ingest = serve();
   auto link = connect();
@@ -248,6 +271,7 @@ TEST_F(IngestTest, ServerThatHasLostItsJournalGoesOnFromWhatTheClientHolds) {
                               .partition = "cairn",
                               .queue_capacity = 8,
                               .map = {1},
+                              .forget_after = 600s,
                               .on_event = {},
                               .dds_config = node.config},
                              empty);

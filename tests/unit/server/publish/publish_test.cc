@@ -242,20 +242,6 @@ TEST(ClientView, AnotherMapMeansARefresh) {
   scene.expect_client_agrees();
 }
 
-TEST(ClientView, FinalUpdateHasExactPosesAndNoLandmarks) {
-  Scene scene;
-  scene.arrive_all();
-  scene.tell();
-  for (std::uint32_t s = 0; s < 12; ++s) scene.move_keyframe({kEpoch, s}, 5e-5);
-  scene.move_landmark(scene.near_landmark(), 0.1);
-  const auto update = scene.tell(Kind::kFinal);
-  ASSERT_TRUE(update);
-  EXPECT_TRUE(update->landmarks.empty());
-  for (std::uint32_t s = 0; s < 12; ++s)
-    EXPECT_EQ(scene.client.pose_of({kEpoch, s})->translation,
-              scene.map.pose_of({kEpoch, s})->translation);
-}
-
 TEST(ClientView, NewViewOfALongRunNeedsNoHistory) {
   Scene scene;
   scene.arrive_all();

@@ -1,0 +1,75 @@
+#include "server/client_desk.h"
+
+#include <algorithm>
+
+namespace cairn {
+
+ClientDesk::ClientDesk(const ClientId& client, MapWriter& writer, const LocalSolver& solver,
+                       const LocalMappingOptions& options)
+    : mapping_(writer, solver, options),
+      view_(client.epoch),
+      mapped_keyframes_(writer.snapshot()->mapped_of(client.epoch)) {}
+
+LocalMappingReport ClientDesk::map_keyframe(KeyframeId id, std::size_t backlog) {
+  const LocalMappingReport report = mapping_.map_keyframe(id, backlog);
+  mapped_keyframes_ = std::max(mapped_keyframes_, id.sequence + 1);
+  return report;
+}
+
+Status ClientDesk::tell(const Map& map, const std::function<Status(const MapUpdate&)>& send) {
+  const auto kind =
+      wants_refresh_.exchange(false) ? ClientView::Kind::kRefresh : ClientView::Kind::kChanges;
+  const auto update = view_.difference(map, mapped_keyframes_, kind);
+  if (!update) return {};
+  Status sent = send(*update);
+  if (!sent) refresh();  // the view takes it as told
+  return sent;
+}
+
+ClientDesks::Entry& ClientDesks::entry(const ClientId& client) {
+  Entry& found = entries_[client];
+  if (!found.desk) found.desk = make_(client);
+  return found;
+}
+
+std::shared_ptr<ClientDesk> ClientDesks::of(const ClientId& client) {
+  std::lock_guard lock(mutex_);
+  return entry(client).desk;
+}
+
+std::shared_ptr<ClientDesk> ClientDesks::join(const ClientId& client) {
+  std::lock_guard lock(mutex_);
+  Entry& joined = entry(client);
+  joined.is_there = true;
+  return joined.desk;
+}
+
+std::shared_ptr<ClientDesk> ClientDesks::leave(const ClientId& client) {
+  std::lock_guard lock(mutex_);
+  const auto found = entries_.find(client);
+  if (found == entries_.end()) return nullptr;
+  found->second.is_there = false;
+  return found->second.desk;
+}
+
+bool ClientDesks::is_there(const ClientId& client) const {
+  std::lock_guard lock(mutex_);
+  const auto found = entries_.find(client);
+  return found != entries_.end() && found->second.is_there;
+}
+
+void ClientDesks::release(const ClientId& client) {
+  std::shared_ptr<ClientDesk> freed;  // outside of the lock
+  std::lock_guard lock(mutex_);
+  const auto found = entries_.find(client);
+  if (found == entries_.end() || found->second.is_there) return;
+  freed = std::move(found->second.desk);
+  entries_.erase(found);
+}
+
+std::size_t ClientDesks::size() const {
+  std::lock_guard lock(mutex_);
+  return entries_.size();
+}
+
+}  // namespace cairn
