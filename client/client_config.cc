@@ -2,6 +2,7 @@
 
 #include "common/config/camera_config_reader.h"
 #include "common/config/yaml_reader.h"
+#include "common/util/log.h"
 
 namespace cairn {
 namespace {
@@ -81,6 +82,8 @@ Result<ClientConfig> load_client_config(const std::string& path) {
   config.domain = static_cast<std::uint32_t>(root.integer_or("domain", config.domain, {0, 232}));
   config.partition = root.text_or("partition", config.partition);
   config.log_level = root.text_or("log_level", config.log_level);
+  if (Status known = log::check_level(config.log_level); !known)
+    root.fail("log_level", known.message());
   if (Status done = root.finish(); !done) return done.error();
   return config;
 }

@@ -1,8 +1,11 @@
 // cairn-client: the command line of one camera.
+#include <pthread.h>
+
 #include <algorithm>
-#include <atomic>
 #include <csignal>
 #include <cstdio>
+#include <stop_token>
+#include <thread>
 
 #include <CLI/CLI.hpp>
 
@@ -13,11 +16,35 @@ namespace {
 
 enum ExitCode { kAllDelivered = 0, kFailed = 1, kBadUsage = 2, kUndelivered = 3 };
 
-std::atomic<bool> stop_requested = false;
+// Turns SIGINT and SIGTERM into a stop token. Make it before any other thread starts, so that all
+// inherit the mask and the signals wait for its own.
+class Interrupt {
+ public:
+  Interrupt() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGINT);
+    sigaddset(&signals_, SIGTERM);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    thread_ = std::thread([this] {
+      int signal = 0;
+      sigwait(&signals_, &signal);
+      stop_.request_stop();
+    });
+  }
+  ~Interrupt() {
+    pthread_kill(thread_.native_handle(), SIGTERM);  // wakes it, if nobody has
+    thread_.join();
+  }
+  Interrupt(const Interrupt&) = delete;
+  Interrupt& operator=(const Interrupt&) = delete;
 
-void request_stop(int) {
-  stop_requested = true;
-}
+  std::stop_token token() const { return stop_.get_token(); }
+
+ private:
+  sigset_t signals_{};
+  std::stop_source stop_;
+  std::thread thread_;
+};
 
 double percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0;
@@ -30,7 +57,8 @@ void print_report(const cairn::SessionReport& r) {
   const double seconds = std::max(r.seconds, 1e-9);
   fmt::print("frames {}\ntracked {}\ndropped {}\nskipped {}\n", r.frames, r.tracked, r.dropped,
              r.skipped);
-  fmt::print("keyframes {}\nmapped {}\nundelivered {}\n", r.keyframes, r.mapped, r.undelivered);
+  fmt::print("keyframes {}\nmapped {}\nacknowledged {}\nundelivered {}\n", r.keyframes, r.mapped,
+             r.acknowledged, r.undelivered);
   fmt::print("tracking_ms_median {:.2f}\ntracking_ms_p95 {:.2f}\nextraction_ms_median {:.2f}\n",
              percentile(r.tracking_ms, 0.5), percentile(r.tracking_ms, 0.95),
              percentile(r.extraction_ms, 0.5));
@@ -79,7 +107,11 @@ int main(int argc, char** argv) {
   app.add_option("--timeout", timeout_s, "seconds to wait for delivery and corrections at the end")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
-  app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config");
+  app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config")
+      ->check([](const std::string& level) {
+        const cairn::Status known = cairn::log::check_level(level);
+        return known ? std::string() : known.message();
+      });
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -97,9 +129,8 @@ int main(int argc, char** argv) {
   if (domain) options.config.domain = *domain;
   options.timeout = std::chrono::duration<double>(timeout_s);
 
-  std::signal(SIGINT, request_stop);
-  std::signal(SIGTERM, request_stop);
-  const cairn::Result<cairn::SessionReport> report = cairn::run_session(options, stop_requested);
+  const Interrupt interrupt;
+  const cairn::Result<cairn::SessionReport> report = cairn::run_session(options, interrupt.token());
   if (!report) {
     fmt::print(stderr, "cairn-client: {}\n", report.message());
     return exit_code(report.error());

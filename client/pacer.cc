@@ -23,8 +23,8 @@ Pacer::Clock::time_point Pacer::due(const Frame& frame) const {
   return *start_ + std::chrono::nanoseconds(frame.stamp_ns - first_stamp_ns_);
 }
 
-Result<std::optional<Frame>> Pacer::next(
-    const std::function<void(std::chrono::nanoseconds)>& wait) {
+Result<std::optional<Frame>> Pacer::next(const std::function<void(std::chrono::nanoseconds)>& wait,
+                                         std::stop_token stop) {
   if (!real_time_) return source_.next();
   if (!fetched_) {
     if (Status s = fetch(); !s) return s.error();
@@ -44,7 +44,10 @@ Result<std::optional<Frame>> Pacer::next(
     frame = std::move(*ahead_);
     if (Status s = fetch(); !s) return s.error();
   }
-  for (auto now = Clock::now(); now < due(frame); now = Clock::now()) wait(due(frame) - now);
+  for (auto now = Clock::now(); now < due(frame); now = Clock::now()) {
+    if (stop.stop_requested()) return std::optional<Frame>();
+    wait(due(frame) - now);
+  }
   return std::optional<Frame>(std::move(frame));
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <stop_token>
 
 #include "client/capture/frame_source.h"
 
@@ -19,10 +20,11 @@ class Pacer {
   Pacer(FrameSource& source, bool real_time)
       : source_(source), real_time_(real_time && !source.is_live()) {}
 
-  // The next frame that is not late, nothing at the end. Until it is due, calls `wait(remaining)`,
-  // which may return early.
+  // The next frame that is not late, nothing at the end or once a stop is asked for. Until the
+  // frame is due, calls `wait(remaining)`, which may return early and should at a stop: stamps can
+  // be far apart.
   Result<std::optional<Frame>> next(
-      const std::function<void(std::chrono::nanoseconds remaining)>& wait);
+      const std::function<void(std::chrono::nanoseconds remaining)>& wait, std::stop_token stop);
 
   std::uint64_t dropped() const { return dropped_; }
 

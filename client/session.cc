@@ -2,6 +2,8 @@
 
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <random>
@@ -22,8 +24,11 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
 constexpr int kMaxBacklog = 3;                    // keyframes awaiting mapping, with --max-rate
-constexpr milliseconds kStopCheck{100};           // how soon an interrupt is noticed while waiting
+constexpr milliseconds kLinkCheck{100};           // how soon a wait notices that the link is down
 constexpr std::chrono::seconds kConnectGrace{5};  // --max-rate goes on without a server after this
+// The server answers the heartbeat of every second. A second longer without an answer, and
+// keyframes are chosen as if there were none.
+constexpr std::chrono::seconds kAnswerGrace{2};
 constexpr std::chrono::seconds kProgressEvery{5};
 // How long an interrupted client still tries to deliver; the outbox keeps the rest for later.
 constexpr std::chrono::seconds kInterruptedPatience{2};
@@ -38,15 +43,17 @@ std::uint64_t random_epoch() {
 // The parts of a run and the steps that it is made of.
 class Session {
  public:
-  Session(const SessionOptions& options, const std::atomic<bool>& stop)
-      : options_(options), stop_(stop) {}
+  Session(const SessionOptions& options, std::stop_token stop)
+      : options_(options), stop_(std::move(stop)) {}
 
   Result<SessionReport> run();
 
  private:
   Status open();
   Status process(const Frame& frame);
+  void look_after_link();
   void take_corrections(nanoseconds at_most);
+  void apply(const MapUpdate& update);
   Status wait_for_mapping(int backlog, Clock::time_point deadline, bool only_while_connected);
   void wait_for_delivery(Clock::time_point deadline);
   Status after_keyframe();
@@ -54,18 +61,36 @@ class Session {
   void show_progress();
 
   const SessionOptions& options_;
-  const std::atomic<bool>& stop_;
+  const std::stop_token stop_;
   std::unique_ptr<FrameSource> source_;
   std::unique_ptr<Frontend> frontend_;
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<Link> link_;
   std::map<std::uint32_t, Clock::time_point> sent_;  // keyframes not mapped yet
-  Clock::time_point in_touch_ = Clock::now();        // with the server, last; the start counts too
+  // With the server, last; the start counts too.
+  const Clock::time_point started_ = Clock::now();
+  Clock::time_point in_touch_ = started_;
   Clock::time_point next_progress_ = Clock::now() + kProgressEvery;
   SessionReport report_;
 };
 
+// That the trajectory can be written should show before the run and not after it. Leaves what is
+// there as it is.
+Status check_writable(const std::string& file) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const bool is_new = !fs::exists(file, ignored);
+  if (!is_new && fs::is_other(file, ignored)) return {};  // a pipe: opening it would wait
+  const bool opens = std::ofstream(file, std::ios::app).is_open();
+  if (opens && is_new) fs::remove(file, ignored);
+  if (opens) return {};
+  return {ErrorCode::kInvalidArgument,
+          fmt::format("--trajectory {}: can't be written; does the folder exist?", file)};
+}
+
 Status Session::open() {
+  if (!options_.trajectory.empty())
+    if (Status s = check_writable(options_.trajectory); !s) return s;
   Result<std::unique_ptr<FrameSource>> source = open_source(options_.input, options_.config.camera);
   if (!source) return source.error();
   source_ = std::move(*source);
@@ -94,11 +119,30 @@ Status Session::open() {
   return {};
 }
 
+void Session::look_after_link() {
+  const LinkStats link = link_->stats();
+  const auto now = Clock::now();
+  if (link.connected) in_touch_ = now;
+  tracker_->set_has_server(!options_.no_server &&
+                           now - std::max(started_, link.heard) < kAnswerGrace);
+}
+
+// What another map's server does not get from the outbox has gone into the lost map.
+void Session::apply(const MapUpdate& update) {
+  const bool lost = tracker_->map().is_of_another_map(update);
+  tracker_->apply(update);
+  if (!lost) return;
+  const std::uint64_t made = tracker_->keyframes_made();
+  const std::uint64_t waiting = std::min(made, link_->stats().keyframes_in_outbox);
+  tracker_->write_off(static_cast<std::uint32_t>(made - waiting));
+}
+
 void Session::take_corrections(nanoseconds at_most) {
-  if (link_->stats().connected) in_touch_ = Clock::now();
-  auto update = at_most > nanoseconds::zero() ? link_->wait_update(at_most) : link_->poll_update();
+  look_after_link();
+  auto update =
+      at_most > nanoseconds::zero() ? link_->wait_update(at_most, stop_) : link_->poll_update();
   for (; update; update = link_->poll_update()) {
-    tracker_->apply(*update);
+    apply(*update);
     const auto now = Clock::now();
     while (!sent_.empty() && sent_.begin()->first < tracker_->keyframes_mapped()) {
       report_.correction_ms.push_back(
@@ -127,7 +171,7 @@ Status Session::process(const Frame& frame) {
 // losing the server only where `only_while_connected` is not set.
 Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
                                  bool only_while_connected) {
-  while (tracker_->backlog() > backlog && !stop_) {
+  while (tracker_->unmapped() > backlog && !stop_.stop_requested()) {
     const auto now = Clock::now();
     if (Status s = link_->status(); !s) return only_while_connected ? Status() : s;
     if (only_while_connected && (now - in_touch_ > kConnectGrace || now > deadline)) return {};
@@ -135,20 +179,17 @@ Status Session::wait_for_mapping(int backlog, Clock::time_point deadline,
       return {ErrorCode::kTimeout,
               fmt::format("{} keyframes still await the server's mapping after {:.0f} s; is "
                           "cairn-server running in domain {}?",
-                          tracker_->backlog(), options_.timeout.count(), options_.config.domain)};
-    take_corrections(std::min<nanoseconds>(kStopCheck, deadline - now));
+                          tracker_->unmapped(), options_.timeout.count(), options_.config.domain)};
+    take_corrections(std::min<nanoseconds>(kLinkCheck, deadline - now));
   }
   return {};
 }
 
 // Until every keyframe is acknowledged; shorter when interrupted.
 void Session::wait_for_delivery(Clock::time_point deadline) {
-  bool interrupted = false;
-  for (auto now = Clock::now(); now < deadline && link_->status(); now = Clock::now()) {
-    if (!interrupted && stop_) deadline = std::min(deadline, now + kInterruptedPatience);
-    interrupted = stop_;
-    if (link_->wait_delivered(std::min<nanoseconds>(kStopCheck, deadline - now))) return;
-  }
+  if (link_->wait_delivered(deadline - Clock::now(), stop_) || !stop_.stop_requested()) return;
+  const auto now = Clock::now();
+  (void)link_->wait_delivered(std::min<nanoseconds>(kInterruptedPatience, deadline - now));
 }
 
 Status Session::after_keyframe() {
@@ -167,7 +208,7 @@ void Session::show_progress() {
   const std::string total = source_->size() ? fmt::format("/{}", *source_->size()) : "";
   const std::string line =
       fmt::format("frame {}{}, {} tracked, {} keyframes, {} await mapping", report_.frames, total,
-                  report_.tracked, tracker_->keyframes_made(), tracker_->backlog());
+                  report_.tracked, tracker_->keyframes_made(), tracker_->unmapped());
   if (terminal)
     fmt::print(stderr, "\r{}\033[K", line);
   else
@@ -202,15 +243,14 @@ Result<SessionReport> Session::run() {
   std::optional<Clock::time_point> start;
   std::int64_t first_stamp = 0, last_stamp = 0;
   Status trouble;  // ends the run, but not before what was tracked is delivered and written
-  while (!stop_ && trouble) {
-    Result<std::optional<Frame>> frame = pacer.next([&](nanoseconds remaining) {
-      take_corrections(std::min<nanoseconds>(remaining, kStopCheck));
-    });
+  while (!stop_.stop_requested() && trouble) {
+    Result<std::optional<Frame>> frame =
+        pacer.next([&](nanoseconds remaining) { take_corrections(remaining); }, stop_);
     if (!frame) {
       trouble = frame.error();
       break;
     }
-    if (!*frame) break;
+    if (!*frame) break;  // the end, or a stop
     if (!start) {
       start = Clock::now();
       first_stamp = (*frame)->stamp_ns;
@@ -224,7 +264,7 @@ Result<SessionReport> Session::run() {
   report_.dropped = pacer.dropped();
   report_.skipped = source_->skipped();
   if (report_.frames == 0 && !trouble) return trouble.error();
-  if (report_.frames == 0 && !stop_)
+  if (report_.frames == 0 && !stop_.stop_requested())
     return Error{ErrorCode::kInvalidArgument, fmt::format("{}: no usable frame in it ({} skipped)",
                                                           options_.input, report_.skipped)};
   if (Status s = finish(); !s) return s.error();
@@ -234,8 +274,8 @@ Result<SessionReport> Session::run() {
 
 }  // namespace
 
-Result<SessionReport> run_session(const SessionOptions& options, const std::atomic<bool>& stop) {
-  return Session(options, stop).run();
+Result<SessionReport> run_session(const SessionOptions& options, std::stop_token stop) {
+  return Session(options, std::move(stop)).run();
 }
 
 }  // namespace cairn

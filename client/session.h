@@ -1,9 +1,9 @@
 // One run of a client: capture -> frontend -> tracking -> link, and corrections back.
 #pragma once
 
-#include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -33,8 +33,8 @@ struct SessionReport {
   std::vector<double> correction_ms;  // keyframe sent -> its mapping back
 };
 
-// Runs until the source ends or `stop` is set. Errors: the source, the outbox or the file of the
-// trajectory is unusable, the server refuses the client, or lockstep waited in vain.
-Result<SessionReport> run_session(const SessionOptions& options, const std::atomic<bool>& stop);
+// Runs until the source ends or a stop is asked for. Errors: the source, the outbox or the file of
+// the trajectory is unusable, the server refuses the client, or lockstep waited in vain.
+Result<SessionReport> run_session(const SessionOptions& options, std::stop_token stop);
 
 }  // namespace cairn

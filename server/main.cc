@@ -33,7 +33,11 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 232));
   app.add_option("--map", map_file, "file of the map; made when missing, continued when there");
   app.add_option("--http", http, "ADDR:PORT of /status, /metrics and /healthz");
-  app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config");
+  app.add_option("--log-level", log_level, "debug, info, warn, error or off; overrides the config")
+      ->check([](const std::string& level) {
+        const cairn::Status known = cairn::log::check_level(level);
+        return known ? std::string() : known.message();
+      });
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -1,6 +1,7 @@
 #include "server/server_config.h"
 
 #include "common/config/yaml_reader.h"
+#include "common/util/log.h"
 
 namespace cairn {
 
@@ -14,6 +15,8 @@ Result<ServerConfig> load_server_config(const std::string& path) {
   config.map_file = root.text_or("map_file", config.map_file);
   config.http = root.text_or("http", config.http);
   config.log_level = root.text_or("log_level", config.log_level);
+  if (Status known = log::check_level(config.log_level); !known)
+    root.fail("log_level", known.message());
   config.save_every_s = root.number_or("save_every_s", config.save_every_s, {1, 86400});
   config.forget_client_s = root.number_or("forget_client_s", config.forget_client_s, {5, 86400});
   config.queue_capacity = static_cast<std::uint32_t>(

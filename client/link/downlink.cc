@@ -103,9 +103,9 @@ std::optional<MapUpdate> Downlink::poll() {
   return take(lock);
 }
 
-std::optional<MapUpdate> Downlink::wait(std::chrono::nanoseconds timeout) {
+std::optional<MapUpdate> Downlink::wait(std::chrono::nanoseconds timeout, std::stop_token stop) {
   std::unique_lock lock(mutex_);
-  arrived_.wait_for(lock, timeout, [&] { return !whole_.empty(); });
+  arrived_.wait_for(lock, stop, timeout, [&] { return !whole_.empty(); });
   return take(lock);
 }
 

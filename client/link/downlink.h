@@ -11,6 +11,7 @@
 #include <functional>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 
 #include "common/model/map_update.h"
 #include "common/wire/topics.h"
@@ -34,7 +35,7 @@ class Downlink {
   void on_ack(const wire::ServerAckMessage& ack, Clock::time_point now);
 
   std::optional<MapUpdate> poll();
-  std::optional<MapUpdate> wait(std::chrono::nanoseconds timeout);
+  std::optional<MapUpdate> wait(std::chrono::nanoseconds timeout, std::stop_token stop = {});
   Stats stats() const;
 
  private:
@@ -54,7 +55,7 @@ class Downlink {
   Clock::time_point stale_since_{};
 
   mutable std::mutex mutex_;
-  std::condition_variable arrived_;
+  std::condition_variable_any arrived_;
   std::deque<MapUpdate> whole_;
   Stats stats_;
 };

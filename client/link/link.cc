@@ -116,20 +116,21 @@ void Link::send(KeyframePtr keyframe) {
 std::optional<MapUpdate> Link::poll_update() {
   return parts_->downlink->poll();
 }
-std::optional<MapUpdate> Link::wait_update(std::chrono::nanoseconds timeout) {
-  return parts_->downlink->wait(timeout);
+std::optional<MapUpdate> Link::wait_update(std::chrono::nanoseconds timeout, std::stop_token stop) {
+  return parts_->downlink->wait(timeout, std::move(stop));
 }
 Status Link::status() const {
   return parts_->uplink->status();
 }
-bool Link::wait_delivered(std::chrono::nanoseconds timeout) {
-  return parts_->uplink->wait_delivered(timeout);
+bool Link::wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop) {
+  return parts_->uplink->wait_delivered(timeout, std::move(stop));
 }
 
 LinkStats Link::stats() const {
   const Uplink::Stats up = parts_->uplink->stats();
   const Downlink::Stats down = parts_->downlink->stats();
   return {.connected = up.connected,
+          .heard = up.heard,
           .keyframes_made = up.made,
           .keyframes_acked = up.acked,
           .keyframes_in_outbox = up.waiting,

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <stop_token>
 #include <string>
 
 #include "common/model/ids.h"
@@ -33,7 +34,9 @@ struct LinkOptions {
 };
 
 struct LinkStats {
-  bool connected = false;             // the server has answered within the last seconds
+  bool connected = false;  // the server has answered within the last seconds
+  // When it answered last; it does so at least once a second. The clock's epoch: never.
+  std::chrono::steady_clock::time_point heard{};
   std::uint64_t keyframes_made = 0;   // given to send() in this run
   std::uint64_t keyframes_acked = 0;  // of any run
   std::uint64_t keyframes_in_outbox =
@@ -60,16 +63,16 @@ class Link {
   // The oldest update not yet taken. Its base_revision is the revision of the one before it, or 0
   // for a full refresh.
   std::optional<MapUpdate> poll_update();
-  std::optional<MapUpdate> wait_update(std::chrono::nanoseconds timeout);
+  std::optional<MapUpdate> wait_update(std::chrono::nanoseconds timeout, std::stop_token stop = {});
 
   LinkStats stats() const;
   // Not ok when the server refuses this client for good (kUnavailable, the server's words), or the
   // outbox cannot be written. Tracking may go on; delivery does not.
   Status status() const;
 
-  // True when every keyframe has been acknowledged; false after `timeout`, without a server, or
-  // once status() is not ok.
-  bool wait_delivered(std::chrono::nanoseconds timeout);
+  // True when every keyframe has been acknowledged; false after `timeout`, when a stop is asked
+  // for, without a server, or once status() is not ok.
+  bool wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop = {});
 
   // Writes what is left to the outbox, says goodbye, ends the threads; within about 2 s, or 5 s
   // when the network hangs. Removes the outbox file when it is empty. Safe to call twice.

@@ -65,6 +65,7 @@ Uplink::Stats Uplink::stats() const {
   std::lock_guard lock(mutex_);
   Stats stats = stats_;
   stats.connected = connected_at(Clock::now());
+  stats.heard = heard_;
   return stats;
 }
 
@@ -73,10 +74,10 @@ Status Uplink::status() const {
   return status_;
 }
 
-bool Uplink::wait_delivered(std::chrono::nanoseconds timeout) {
+bool Uplink::wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop) {
   std::unique_lock lock(mutex_);
   const auto ended = [&] { return stats_.waiting == 0 || !status_.ok(); };
-  if (port_.send_keyframe) delivered_.wait_for(lock, timeout, ended);
+  if (port_.send_keyframe) delivered_.wait_for(lock, stop, timeout, ended);
   return stats_.waiting == 0;
 }
 

@@ -45,6 +45,7 @@ class Uplink {
   };
   struct Stats {
     bool connected = false;
+    std::chrono::steady_clock::time_point heard{};  // the server's last answer; the epoch: none
     std::uint64_t made = 0, acked = 0, waiting = 0, bytes = 0, resends = 0, refresh_requests = 0;
   };
 
@@ -60,8 +61,9 @@ class Uplink {
   Stats stats() const;
   Status status() const;
 
-  // True when nothing waits any more; false after `timeout` or once status() is not ok.
-  bool wait_delivered(std::chrono::nanoseconds timeout);
+  // True when nothing waits any more; false after `timeout`, at a stop or once status() is not
+  // ok.
+  bool wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop = {});
   // Stores what has been given to send(), says goodbye and ends the thread. An empty outbox's file
   // is removed.
   void stop();
@@ -108,8 +110,8 @@ class Uplink {
   Clock::time_point progress_{}, next_heartbeat_{}, retry_at_{}, refused_since_{};
 
   mutable std::mutex mutex_;
-  std::condition_variable_any changed_;  // inbox_
-  std::condition_variable delivered_;    // stats_.waiting, status_
+  std::condition_variable_any changed_;    // inbox_
+  std::condition_variable_any delivered_;  // stats_.waiting, status_
   Inbox inbox_;
   Stats stats_;
   Status status_;

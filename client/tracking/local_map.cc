@@ -158,6 +158,10 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
 }
 
 void LocalMap::apply(const MapUpdate& update) {
+  // Sensors with depth know the scale, and maps of different scale are never merged.
+  if (id_ != update.map && update.new_map_from_old_map)
+    move({update.new_map_from_old_map->rotation, update.new_map_from_old_map->translation});
+  id_ = update.map;
   if (update.is_refresh()) forget_servers_landmarks(update);
   std::unordered_map<KeyframeId, Rigid3> old_poses;
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
@@ -171,8 +175,7 @@ void LocalMap::apply(const MapUpdate& update) {
     const OwnKeyframe* anchor = own(landmark.anchor);
     landmark.position =
         anchor->map_from_camera * (old_poses[anchor->id].inverse() * landmark.position);
-    if (anchor->id.epoch == update.epoch && anchor->id.sequence < update.mapped_keyframes)
-      landmark.anchor = {};
+    if (is_known_to_server(landmark, update)) landmark.anchor = {};
   }
   for (const LandmarkState& state : update.landmarks) update_landmark(state);
   for (const LandmarkRemoval& removal : update.removed_landmarks) {
@@ -184,15 +187,46 @@ void LocalMap::apply(const MapUpdate& update) {
   enforce_limits();
 }
 
+void LocalMap::move(const Rigid3& new_map_from_old_map) {
+  for (OwnKeyframe& k : keyframes_) k.map_from_camera = new_map_from_old_map * k.map_from_camera;
+  for (const auto& [id, slot] : by_id_) {
+    LocalLandmark& landmark = slots_[slot];
+    landmark.position = new_map_from_old_map * landmark.position;
+    landmark.normal = new_map_from_old_map.rotation * landmark.normal;
+  }
+}
+
+void LocalMap::change_map(const Rigid3& new_map_from_old_map) {
+  move(new_map_from_old_map);
+  renamed_.clear();
+  for (OwnKeyframe& k : keyframes_) {
+    if (k.placed_by_server) k.reference = {};
+    k.placed_by_server = false;
+    k.of_former_map = true;
+  }
+  std::vector<LandmarkId> dropped;
+  for (const auto& [id, slot] : by_id_) {
+    const OwnKeyframe* maker = id.origin == LandmarkId::kServer ? nullptr : own(id.creator());
+    if (maker)
+      slots_[slot].anchor = maker->id;
+    else
+      dropped.push_back(id);
+  }
+  for (const LandmarkId id : dropped) remove(id);
+}
+
+bool LocalMap::is_known_to_server(const LocalLandmark& landmark, const MapUpdate& update) const {
+  const OwnKeyframe* anchor = own(landmark.anchor);
+  return !anchor || (anchor->id.sequence < update.mapped_keyframes && !anchor->of_former_map);
+}
+
 // What the server has mapped and does not tell of any more is gone; what it has not mapped yet is
 // the client's own.
 void LocalMap::forget_servers_landmarks(const MapUpdate& update) {
   renamed_.clear();
   std::vector<LandmarkId> known;
   for (const auto& [id, slot] : by_id_) {
-    const KeyframeId anchor = slots_[slot].anchor;
-    if (anchor.epoch != update.epoch || anchor.sequence < update.mapped_keyframes)
-      known.push_back(id);
+    if (is_known_to_server(slots_[slot], update)) known.push_back(id);
   }
   for (const LandmarkId id : known) remove(id);
 }
@@ -202,6 +236,7 @@ void LocalMap::place_keyframes(const MapUpdate& update) {
     if (OwnKeyframe* k = own(pose.id)) {
       k->map_from_camera = pose.map_from_camera;
       k->placed_by_server = true;
+      k->of_former_map = false;
       k->reference = {};
     }
   for (const KeyframeRemoval& removal : update.removed_keyframes)
@@ -209,6 +244,7 @@ void LocalMap::place_keyframes(const MapUpdate& update) {
       k->reference = removal.anchor;
       k->reference_from_camera = removal.anchor_from_camera;
       k->placed_by_server = false;
+      k->of_former_map = false;
     }
   // An anchor may be younger than what hangs on it (a culled keyframe's parent), so that one pass
   // in order of sequence is not enough; chains are short.
@@ -279,8 +315,12 @@ std::vector<KeyframePtr> LocalMap::recent_keyframes() const {
 
 std::vector<LandmarkId> LocalMap::landmarks_by_feature(const Keyframe& keyframe) const {
   std::vector<LandmarkId> ids(keyframe.features.size());
-  for (const LandmarkMatch& match : keyframe.matches)
+  const OwnKeyframe* mine = own(keyframe.id);
+  for (const LandmarkMatch& match : keyframe.matches) {
+    // The present map's server has given the name to another landmark.
+    if (mine && mine->of_former_map && match.landmark.origin == LandmarkId::kServer) continue;
     if (const LocalLandmark* landmark = find(match.landmark)) ids[match.feature] = landmark->id;
+  }
   return ids;
 }
 

@@ -4,7 +4,8 @@
 // server sends corrects and replaces them.
 //
 // Everything is in the `map` frame, which is the frame of the first keyframe until the server says
-// otherwise. Tracking thread only.
+// otherwise. A server that has lost its map, or another one, has another map: see change_map().
+// Tracking thread only.
 #pragma once
 
 #include <cstdint>
@@ -62,6 +63,19 @@ class LocalMap {
   // tracked against, provisional landmarks the keyframe that made them.
   void apply(const MapUpdate& update);
 
+  // The map that the server's updates have told of; not set (0) before the first.
+  MapId id() const { return id_; }
+  // Whether an update tells of a map that has nothing to do with the one held. Say so by
+  // change_map() before apply().
+  bool is_of_another_map(const MapUpdate& update) const {
+    return id_ != MapId{} && update.map != id_ && !update.new_map_from_old_map;
+  }
+  // Everything moves into the new map's frame. Keyframes that the new map does not hold keep their
+  // place there, and so do the landmarks that they made: the server that has the new map knows none
+  // of them, they are the client's own again. Landmarks of the server's making are dropped, since
+  // their names mean others in the new map.
+  void change_map(const Rigid3& new_map_from_old_map);
+
   // Pose of an own keyframe; nothing for others.
   std::optional<Rigid3> pose_of(KeyframeId keyframe) const;
   // Latest keyframes, newest first, whose features are still held.
@@ -81,7 +95,8 @@ class LocalMap {
     KeyframeId reference;  // pose follows from this one until the server has placed the keyframe
     Rigid3 reference_from_camera;
     bool placed_by_server = false;
-    KeyframePtr keyframe;  // null once its features were let go
+    bool of_former_map = false;  // and so far unknown to the present one
+    KeyframePtr keyframe;        // null once its features were let go
   };
 
   OwnKeyframe* own(KeyframeId id);
@@ -93,12 +108,15 @@ class LocalMap {
   void rename(LandmarkId from, LandmarkId to);
   std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;
   LandmarkId current_name(LandmarkId id) const;
+  void move(const Rigid3& new_map_from_old_map);
+  bool is_known_to_server(const LocalLandmark& landmark, const MapUpdate& update) const;
   void forget_servers_landmarks(const MapUpdate& update);
   void place_keyframes(const MapUpdate& update);
   void update_landmark(const LandmarkState& state);
   void enforce_limits();
 
   Limits limits_;
+  MapId id_;
   std::vector<LocalLandmark> slots_;
   std::vector<Slot> free_slots_;
   std::unordered_map<LandmarkId, Slot> by_id_;

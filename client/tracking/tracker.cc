@@ -148,7 +148,7 @@ bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
   now.frames_since_keyframe = frames_since_keyframe_;
   now.shown_landmarks = landmarks;
   now.reference_landmarks = map_.landmarks_of(reference_);
-  now.backlog = backlog();
+  now.backlog = has_server_ ? unmapped() : 0;
   for (std::size_t f = 0; f < frame.features.size(); ++f) {
     const Feature& feature = frame.features.points[f];
     if (!feature.has_depth() || rig_->camera.depth(feature.disparity) > rig_->max_depth) continue;
@@ -206,15 +206,25 @@ void Tracker::record(const TrackedFrame& frame) {
 }
 
 void Tracker::apply(const MapUpdate& update) {
+  // The last frame keeps its place beside its reference keyframe; the difference goes between odom
+  // and map, so that the client's own frame does not jump.
+  const Rigid3 odom_from_camera =
+      last_ ? map_from_odom_.inverse() * last_->map_from_camera : Rigid3();
+  if (map_.is_of_another_map(update)) change_map();
   map_.apply(update);
   if (update.epoch == epoch_)
     mapped_keyframes_ = std::max(mapped_keyframes_, update.mapped_keyframes);
   if (!last_) return;
-  // The last frame keeps its place beside its reference keyframe; the difference goes between odom
-  // and map, so that the client's own frame does not jump.
-  const Rigid3 odom_from_camera = map_from_odom_.inverse() * last_->map_from_camera;
   last_->map_from_camera = *map_.pose_of(reference_) * reference_from_last_;
   map_from_odom_ = last_->map_from_camera * odom_from_camera.inverse();
+}
+
+void Tracker::change_map() {
+  log::warn("the server has another map: going on in it with what this client knows");
+  map_.change_map(map_from_odom_.inverse());
+  if (!last_) return;
+  for (FeatureMatch& match : last_->matches)
+    if (match.landmark.origin == LandmarkId::kServer) match = {};
 }
 
 }  // namespace cairn

@@ -4,6 +4,7 @@
 // decide on a keyframe, record. Nothing here waits for anybody. Used from one thread.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -53,16 +54,22 @@ class Tracker {
   TrackingResult track(std::int64_t stamp_ns, Features features);
 
   // Corrections by the server; call between frames. What is being tracked moves along with the map.
+  // Of another map than before (the server was restarted without it), the client's odom frame is
+  // taken for its frame: the server places the keyframes that it gets by what they say of odom.
   void apply(const MapUpdate& update);
 
-  // Without a server nobody maps keyframes, and the policy need not wait for anyone.
+  // Without a server nobody maps keyframes, and the policy need not wait for anyone. May change at
+  // any time; keyframes go on to be counted as unmapped.
   void set_has_server(bool has_server) { has_server_ = has_server; }
+  // Keyframes before `sequence` will not be mapped any more: their map is lost.
+  void write_off(std::uint32_t sequence) {
+    mapped_keyframes_ = std::max(mapped_keyframes_, sequence);
+  }
 
   std::uint32_t keyframes_made() const { return next_sequence_; }
   std::uint32_t keyframes_mapped() const { return mapped_keyframes_; }
-  int backlog() const {
-    return has_server_ ? static_cast<int>(next_sequence_ - mapped_keyframes_) : 0;
-  }
+  // Keyframes made that the server has not told of as mapped, whether there is a server or not.
+  int unmapped() const { return static_cast<int>(next_sequence_ - mapped_keyframes_); }
   Trajectory trajectory() const { return trajectory_.poses(map_); }
   const LocalMap& map() const { return map_; }
 
@@ -77,6 +84,7 @@ class Tracker {
   void make_landmarks(KeyframeId keyframe, TrackedFrame& frame) const;
   KeyframePtr make_keyframe(TrackedFrame& frame);
   void record(const TrackedFrame& frame);
+  void change_map();
 
   const std::uint64_t epoch_;
   const std::shared_ptr<const Rig> rig_;

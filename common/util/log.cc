@@ -7,6 +7,13 @@
 
 namespace cairn::log {
 
+Status check_level(std::string_view level) {
+  for (const std::string_view known : {"debug", "info", "warn", "error", "off"})
+    if (level == known) return {};
+  return {ErrorCode::kInvalidArgument,
+          fmt::format("must be one of debug, info, warn, error, off; has '{}'", level)};
+}
+
 void initialise(std::string_view program, std::string_view level) {
   // Colours on a terminal only; plain lines in a pipe.
   auto logger = std::make_shared<spdlog::logger>(

@@ -6,12 +6,17 @@
 
 #include <spdlog/spdlog.h>
 
+#include "common/util/status.h"
+
 namespace cairn::log {
 
 using spdlog::debug;
 using spdlog::error;
 using spdlog::info;
 using spdlog::warn;
+
+// kInvalidArgument, naming the levels that there are, unless `level` is one of them.
+Status check_level(std::string_view level);
 
 // Call once in main. `level`: debug, info, warn, error or off; anything else counts as info.
 void initialise(std::string_view program, std::string_view level);

@@ -18,8 +18,9 @@ struct KeyframeSummary {
 // Inserts a keyframe.
 //
 // Pose: that of its reference times reference_from_camera. Where the reference is unknown: relative
-// to the client's keyframe before it, by odometry; the client's first keyframe starts at the
-// identity in an empty map and at odom_from_camera in any other.
+// to the client's keyframe before it, by odometry; where the map has none of the client, at its
+// odom_from_camera, so that map and odom agree: the client may be far into its run when a server
+// without its former map takes over. The first keyframe of a run is the identity in an empty map.
 //
 // Each reported match is followed through replaced_landmarks and taken when the landmark projects
 // near the feature and the keyframe does not see it by another feature. A match that names this

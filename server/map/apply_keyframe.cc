@@ -33,7 +33,7 @@ Rigid3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
   if (keyframe.reference.is_valid())
     if (const auto map_from_reference = map.pose_of(keyframe.reference))
       return *map_from_reference * keyframe.reference_from_camera;
-  if (map.keyframes.empty()) return {};
+  if (map.keyframes.empty() && keyframe.id.sequence == 0) return {};
   return pose_by_odometry(map, keyframe).value_or(keyframe.odom_from_camera);
 }
 

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "common/model/trajectory.h"
 #include "tests/integration/process.h"
 
 namespace cairn::testing {
@@ -139,6 +140,71 @@ TEST(BadInput, DepthOfAnotherSizeIsSkippedAndCounted) {
                                d.file("rec/client.yaml").string());
   ASSERT_EQ(client->wait(seconds(60)), 3) << client->err();
   EXPECT_EQ(client->reported("skipped"), 1);
+}
+
+// The end of a recording that was copied in part.
+TEST(BadInput, UnreadableImagesAtTheEndCostNoKeyframeAndNoTrajectory) {
+  Deployment d;
+  ASSERT_NO_FATAL_FAILURE(write_recording(d, 12));
+  const auto images = sorted_files(d.file("rec/rgb"));
+  for (std::size_t i = 8; i < 12; ++i) fs::resize_file(images[i], 100);
+  const auto server = d.server();
+  const std::string trajectory = d.file("out.tum").string();
+  const auto client =
+      d.client("c", "tum:" + d.file("rec").string(), {"--lockstep", "--trajectory", trajectory},
+               d.file("rec/client.yaml").string());
+  ASSERT_EQ(client->wait(seconds(60)), 0) << client->err();
+  EXPECT_EQ(client->reported("skipped"), 4);
+  EXPECT_EQ(client->reported("undelivered"), 0);
+  EXPECT_EQ(client->reported("acknowledged"), client->reported("keyframes"));
+  const Result<Trajectory> written = read_trajectory(trajectory);
+  ASSERT_TRUE(written.ok()) << written.message();
+  EXPECT_EQ(written->size(), 8u);
+}
+
+TEST(BadInput, FramesThatCannotBeTracked) {
+  Deployment d;
+  const std::string config = d.write("c.yaml", "tracking:\n  min_start_features: 10000\n");
+  const auto client = d.client("c", "synth:desk?frames=4", {"--no-server", "--max-rate"}, config);
+  expect_refused(*client, 1, "no frame was tracked");
+  EXPECT_EQ(client->reported("tracked"), 0);
+}
+
+TEST(BadInput, ATrajectoryThatCannotBeWrittenShowsBeforeTheRun) {
+  Deployment d;
+  const std::vector<std::string> places{"/no/such/folder/out.tum", d.file(".").string()};
+  for (const std::string& place : places) {
+    const auto client =
+        d.client("c", "synth:desk?frames=3000", {"--no-server", "--trajectory", place});
+    expect_refused(*client, 2, place);
+  }
+  EXPECT_FALSE(fs::exists(d.file("c.outbox")));
+}
+
+TEST(BadInput, AStartThatFailsLeavesTheLastTrajectoryAlone) {
+  Deployment d;
+  const std::string former = d.write("former.tum", "1 0 0 0 0 0 0 1\n");
+  for (const std::string& file : {former, d.file("new.tum").string()}) {
+    const auto client = d.client("c", "tum:/no/such/folder", {"--no-server", "--trajectory", file},
+                                 d.write("c.yaml", kCamera));
+    expect_refused(*client, 2, "/no/such/folder");
+  }
+  EXPECT_EQ(fs::file_size(former), 16u);
+  EXPECT_FALSE(fs::exists(d.file("new.tum")));
+}
+
+TEST(BadInput, AnUnknownLogLevel) {
+  Deployment d;
+  const std::string config = d.write("c.yaml", "log_level: loud\n");
+  const std::string levels = "debug, info, warn, error, off";
+  expect_refused(*d.client("c", "synth:desk", {"--no-server"}, config), 2, levels);
+  expect_refused(*d.server({"--config", config}), 2, levels);
+  const auto client = d.client("c", "synth:desk", {"--no-server", "--log-level", "loud"});
+  const auto server = d.server({"--log-level", "loud"});
+  for (Process* program : {client.get(), server.get()}) {
+    ASSERT_EQ(program->wait(seconds(30)), 2) << program->err();
+    EXPECT_NE(program->err().find(levels), std::string::npos) << program->err();
+  }
 }
 
 TEST(BadInput, AMapFileOfAnotherProgram) {

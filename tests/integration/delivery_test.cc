@@ -82,6 +82,65 @@ TEST(Delivery, AKilledServerContinuesFromItsFile) {
   EXPECT_LT(e.ate.rmse, 0.02);
 }
 
+// The new server's map is another one, and empty: what the old one had mapped stays where it was.
+TEST(Delivery, AServerThatComesBackWithoutItsMapLeavesTheTrajectoryInOneFrame) {
+  Deployment deployment;
+  auto server = deployment.server();
+  const std::string trajectory = deployment.file("out.tum").string();
+  std::vector<std::string> arguments{"--timeout", kPatience, "--trajectory", trajectory};
+  if (kSlowBuild) arguments.push_back("--max-rate");
+  const auto client = deployment.client("walker", "synth:hall?frames=240", arguments);
+  ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->runs_for(seconds(3))) << client->err();
+  server->signal(SIGKILL);
+  ASSERT_EQ(server->wait(seconds(10)), 128 + SIGKILL);
+  server = deployment.server();
+  ASSERT_EQ(client->wait(seconds(120)), 0) << client->err();
+  EXPECT_NE(client->err().find("another map"), std::string::npos) << client->err();
+  EXPECT_EQ(client->reported("undelivered"), 0);
+  EXPECT_EQ(client->reported("mapped"), client->reported("keyframes"));
+  EXPECT_EQ(client->reported("tracked"), client->reported("frames"));
+  const Evaluation e = evaluate_file(truth_of({.scene = "hall", .frames = 240}), trajectory);
+  EXPECT_LT(e.ate.rmse, 0.03);
+}
+
+// Who does not answer is not waited for, neither by the choice of keyframes.
+TEST(Delivery, WithTheLinkDownKeyframesAreMadeAsWithoutAServer) {
+  Deployment deployment;
+  const std::string input = "synth:hall?frames=240";
+  const auto alone = deployment.client("alone", input, {"--max-rate", "--no-server"});
+  ASSERT_EQ(alone->wait(seconds(60)), 3) << alone->err();
+  const auto waiting = deployment.client("waiting", input, {"--max-rate", "--timeout", "0"});
+  ASSERT_EQ(waiting->wait(seconds(60)), 3) << waiting->err();
+  EXPECT_EQ(waiting->reported("tracked"), alone->reported("tracked"));
+  EXPECT_GE(waiting->reported("keyframes"), 0.8 * alone->reported("keyframes"));
+}
+
+// A run that ends in trouble: what was tracked until then is written, and delivered later.
+TEST(Delivery, ALockstepRunWhoseServerDiesWritesWhatItTracked) {
+  Deployment deployment;
+  const std::string map = deployment.file("map.db").string();
+  const std::string trajectory = deployment.file("out.tum").string();
+  auto server = deployment.server({"--map", map});
+  const auto client = deployment.client(
+      "walker", "synth:hall?frames=3000",
+      {"--lockstep", "--timeout", std::to_string(2 * kTimeScale), "--trajectory", trajectory});
+  ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
+  server->signal(SIGKILL);
+  ASSERT_EQ(client->wait(seconds(30)), 1) << client->err();
+  EXPECT_NE(client->err().find("still await the server's mapping"), std::string::npos)
+      << client->err();
+  const Result<Trajectory> written = read_trajectory(trajectory);
+  ASSERT_TRUE(written.ok()) << written.message();
+  EXPECT_GT(written->size(), 5u);
+  EXPECT_TRUE(std::filesystem::exists(deployment.file("walker.outbox")));
+  server = deployment.server({"--map", map});
+  const auto next = deployment.client("walker", "synth:desk?frames=5", {"--lockstep"});
+  ASSERT_EQ(next->wait(seconds(60)), 0) << next->err();
+  EXPECT_FALSE(std::filesystem::exists(deployment.file("walker.outbox")));
+}
+
 TEST(Delivery, TheOutboxOfAKilledClientIsDeliveredByTheNext) {
   Deployment deployment;
   const std::string map = deployment.file("map.db").string();

@@ -111,6 +111,34 @@ TEST(Shutdown, AClientThatWaitsForDeliveryCanBeInterrupted) {
   EXPECT_EQ(client->reported("undelivered"), client->reported("keyframes"));
 }
 
+// A recording with a pause in its stamps is played with that pause.
+TEST(Shutdown, AClientThatWaitsForAFrameFarAwayCanBeInterrupted) {
+  Deployment deployment;
+  const auto synth = deployment.tool(
+      {"synth", "--scene", "desk", "--frames", "8", "--out", deployment.file("rec").string()});
+  ASSERT_EQ(synth->wait(seconds(60)), 0) << synth->err();
+  for (const char* list : {"rec/rgb.txt", "rec/depth.txt"}) {
+    std::ifstream in(deployment.file(list));
+    std::ostringstream text;
+    int frames = 0;
+    for (std::string line; std::getline(in, line);) {
+      const std::size_t blank = line.find(' ');
+      if (line[0] != '#' && ++frames > 4)
+        line = std::to_string(std::stod(line.substr(0, blank)) + 86400) + line.substr(blank);
+      text << line << "\n";
+    }
+    deployment.write(list, text.str());
+  }
+  const std::string file = deployment.file("out.tum").string();
+  const auto client = deployment.client("walker", "tum:" + deployment.file("rec").string(),
+                                        {"--no-server", "--trajectory", file},
+                                        deployment.file("rec/client.yaml").string());
+  ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
+  client->signal(SIGINT);
+  ASSERT_EQ(client->wait(seconds(5)), 3) << client->err();
+  EXPECT_EQ(client->reported("frames"), 4);
+}
+
 // The pause for the mapping of the first keyframes ends when no server comes; it must not come back
 // with every keyframe.
 TEST(Shutdown, FullRateWithoutAServerWaitsForItOnce) {

@@ -71,9 +71,11 @@ TEST(ClientConfig, AnEmptyFileLeavesTheCameraToTheSource) {
   EXPECT_FALSE(config->camera.has_value());
 }
 
-TEST(ClientConfig, UnknownKeysAreErrorsAtEveryDepth) {
+TEST(ClientConfig, WrongValuesAndUnknownKeysNameTheirLineAtEveryDepth) {
   EXPECT_THAT(load("doman: 3\n").message(),
               EndsWith(":1: doman: unknown key; did you mean 'domain'?"));
+  EXPECT_THAT(load("domain: 3\nlog_level: loud\n").message(),
+              EndsWith(":2: log_level: must be one of debug, info, warn, error, off; has 'loud'"));
   EXPECT_THAT(load("frontend:\n  sharpen:\n    dleta: 0.2\n").message(),
               EndsWith(":3: frontend.sharpen.dleta: unknown key; did you mean 'delta'?"));
 }

@@ -1,5 +1,8 @@
 #include "client/pacer.h"
 
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -39,7 +42,7 @@ std::uint64_t play(Pacer& pacer, milliseconds busy) {
   std::uint64_t frames = 0;
   const auto wait = [](std::chrono::nanoseconds time) { std::this_thread::sleep_for(time); };
   for (;;) {
-    const auto frame = pacer.next(wait);
+    const auto frame = pacer.next(wait, {});
     EXPECT_TRUE(frame.ok());
     if (!frame.ok() || !frame->has_value()) return frames;
     ++frames;
@@ -75,6 +78,27 @@ TEST(Pacer, DropsNothingWhenNotInRealTime) {
   Pacer pacer(source, false);
   EXPECT_EQ(play(pacer, milliseconds(3)), 20u);
   EXPECT_EQ(pacer.dropped(), 0u);
+}
+
+TEST(Pacer, AStopEndsTheWaitForAFrameThatIsFarAway) {
+  TimedSource source(3, std::chrono::hours(1), milliseconds(0));
+  Pacer pacer(source, true);
+  std::stop_source stop;
+  std::mutex mutex;
+  std::condition_variable_any never;
+  int waits = 0;
+  const auto wait = [&](std::chrono::nanoseconds time) {
+    if (++waits == 2) stop.request_stop();
+    std::unique_lock lock(mutex);
+    never.wait_for(lock, stop.get_token(), std::min(time, std::chrono::nanoseconds(1000)),
+                   [] { return false; });
+  };
+  ASSERT_TRUE(pacer.next(wait, stop.get_token())->has_value());
+  EXPECT_EQ(waits, 0) << "the first one is due at once";
+  const auto frame = pacer.next(wait, stop.get_token());
+  ASSERT_TRUE(frame.ok());
+  EXPECT_FALSE(frame->has_value());
+  EXPECT_EQ(waits, 2);
 }
 
 }  // namespace

@@ -42,6 +42,8 @@ TEST(ServerConfig, WrongValuesAndUnknownKeysNameTheirLine) {
   EXPECT_TRUE(load("").ok());
   EXPECT_THAT(load("domain: 233\n").message(),
               EndsWith(":1: domain: must be from 0 to 232, is 233"));
+  EXPECT_THAT(load("log_level: loud\n").message(),
+              EndsWith(":1: log_level: must be one of debug, info, warn, error, off; has 'loud'"));
   EXPECT_THAT(load("mapping:\n  thread: 2\n").message(),
               EndsWith(":2: mapping.thread: unknown key; did you mean 'threads'?"));
 }

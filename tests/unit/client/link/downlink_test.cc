@@ -148,5 +148,11 @@ TEST_F(DownlinkTest, WaitingEndsAtTheTimeout) {
   EXPECT_TRUE(downlink_.wait(10s));
 }
 
+TEST_F(DownlinkTest, WaitingEndsAtAStop) {
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_FALSE(downlink_.wait(1h, stop.get_token()));
+}
+
 }  // namespace
 }  // namespace cairn

@@ -240,5 +240,27 @@ TEST_F(UplinkTest, UnusableKeyframeIsAnErrorAndLeavesNoGap) {
   EXPECT_TRUE((*Outbox::open(path_, kClient.name))->waiting().empty());
 }
 
+TEST_F(UplinkTest, TellsWhenTheServerAnsweredLast) {
+  using Clock = std::chrono::steady_clock;
+  EXPECT_EQ(uplink_->stats().heard, Clock::time_point{});
+  const auto before = Clock::now();
+  ack(0);
+  send(0, 1);
+  ASSERT_TRUE(wait_sent(1));
+  const auto heard = uplink_->stats().heard;
+  EXPECT_GE(heard, before);
+  EXPECT_LE(heard, Clock::now());
+  refuse();
+  wait([] { return false; }, 20ms);
+  EXPECT_EQ(uplink_->stats().heard, heard) << "a refusal is no answer to wait for";
+}
+
+TEST_F(UplinkTest, WaitingForDeliveryEndsAtAStop) {
+  send(0, 1);
+  std::stop_source stop;
+  stop.request_stop();
+  EXPECT_FALSE(uplink_->wait_delivered(1h, stop.get_token()));
+}
+
 }  // namespace
 }  // namespace cairn

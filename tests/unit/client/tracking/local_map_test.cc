@@ -168,6 +168,64 @@ TEST(LocalMap, ARefreshReplacesWhatTheServerSaidBefore) {
   EXPECT_FALSE(map.find(name(0, 0)));
 }
 
+// What the server has mapped comes in another frame after its restart.
+TEST(LocalMap, AnotherMapKeepsThePlacesOfWhatItDoesNotHold) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  map.add_keyframe(make_keyframe(1, 1, {}, moved(0.1)), moved(0.1));
+  MapUpdate first = update_of(2);
+  first.map = {1};
+  first.keyframes = {{{kEpoch, 0}, moved(5)}, {{kEpoch, 1}, moved(5.1)}};
+  LandmarkState made;
+  made.id = {LandmarkId::kServer, 5};
+  made.observers = {{kEpoch, 0}};
+  first.landmarks = {made};
+  EXPECT_FALSE(map.is_of_another_map(first)) << "there was none before";
+  map.apply(first);
+  map.add_keyframe(make_keyframe(2, 1, {}, moved(0.1)), moved(5.2));
+  const Eigen::Vector3d seen = map.find(name(0, 0))->position;
+
+  MapUpdate other = update_of(0);
+  other.base_revision = 0;
+  other.map = {2};
+  ASSERT_TRUE(map.is_of_another_map(other));
+  map.change_map(moved(-5));
+  map.apply(other);
+  EXPECT_EQ(map.id(), MapId{2});
+  EXPECT_NEAR(map.pose_of({kEpoch, 0})->translation.x(), 0, 1e-12);
+  EXPECT_NEAR(map.pose_of({kEpoch, 2})->translation.x(), 0.2, 1e-12);
+  ASSERT_TRUE(map.find(name(0, 0)));
+  EXPECT_NEAR((map.find(name(0, 0))->position - seen - Eigen::Vector3d(-5, 0, 0)).norm(), 0, 1e-12);
+  EXPECT_FALSE(map.find(made.id)) << "its name means another landmark now";
+
+  // The new map gets the third keyframe only, and all that it does not know stays.
+  other.mapped_keyframes = 3;
+  other.keyframes = {{{kEpoch, 2}, moved(0.3)}};
+  map.apply(other);
+  EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 0.1, 1e-12);
+  EXPECT_NEAR(map.pose_of({kEpoch, 2})->translation.x(), 0.3, 1e-12);
+  EXPECT_TRUE(map.find(name(0, 0)));
+  map.apply(other);
+  EXPECT_TRUE(map.find(name(0, 0)));
+  EXPECT_FALSE(map.find(name(2, 0))) << "mapped in this map, and culled";
+}
+
+TEST(LocalMap, AMergeMovesEverythingAndForgetsNothing) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  MapUpdate first = update_of(1);
+  first.map = {1};
+  map.apply(first);
+  const Eigen::Vector3d seen = map.find(name(0, 0))->position;
+  MapUpdate merge = update_of(1);
+  merge.map = {2};
+  merge.new_map_from_old_map = Sim3(moved(3));
+  EXPECT_FALSE(map.is_of_another_map(merge));
+  map.apply(merge);
+  EXPECT_NEAR(map.pose_of({kEpoch, 0})->translation.x(), 3, 1e-12);
+  EXPECT_NEAR((map.find(name(0, 0))->position - seen - Eigen::Vector3d(3, 0, 0)).norm(), 0, 1e-12);
+}
+
 TEST(LocalMap, DropsTheLeastUsedLandmarksBeyondItsLimit) {
   LocalMap map({.landmarks = 21, .keyframes_with_features = 2});
   map.add_keyframe(make_keyframe(0, 15), moved(0));

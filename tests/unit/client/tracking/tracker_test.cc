@@ -108,5 +108,82 @@ TEST(Tracker, CorrectionsMoveTheMapPoseButNotTheOdometry) {
       1e-9);
 }
 
+// A server that comes back without its map tells of an empty one, in whose frame odom is taken to
+// be.
+TEST(Tracker, GoesOnInItsOwnFrameWhenTheServerHasAnotherMap) {
+  Walk run;
+  TrackingResult r;
+  for (int i = 0; i < 20; ++i) r = run.step(wander(i / 30.0));
+  MapUpdate update;
+  update.map = {1};
+  update.base_revision = 1;
+  update.revision = 2;
+  update.epoch = 99;
+  update.mapped_keyframes = run.tracker.keyframes_made();
+  const Rigid3 shift(so3_exp({0, 0.1, 0}), {1, 2, 3});
+  for (std::uint32_t s = 0; s < run.tracker.keyframes_made(); ++s)
+    update.keyframes.push_back({{99, s}, shift * *run.tracker.map().pose_of({99, s})});
+  run.tracker.apply(update);
+  r = run.step(wander(20 / 30.0));
+  ASSERT_EQ(r.state, TrackingState::kTracking);
+  ASSERT_GT((r.map_from_camera.translation - r.odom_from_camera.translation).norm(), 1.0);
+
+  MapUpdate other;
+  other.map = {2};
+  other.revision = 1;
+  other.epoch = 99;
+  run.tracker.apply(other);
+  const Rigid3 odom_before = r.odom_from_camera;
+  r = run.step(wander(20 / 30.0));
+  ASSERT_EQ(r.state, TrackingState::kTracking);
+  EXPECT_LT((r.map_from_camera.translation - r.odom_from_camera.translation).norm(), 1e-9);
+  EXPECT_LT((r.odom_from_camera.translation - odom_before.translation).norm(), 0.01);
+  EXPECT_LT(run.tracker.trajectory().front().world_from_camera.translation.norm(), 1e-9);
+}
+
+// Keyframes of 4 s of the walk that nobody maps, where no view is so weak that it gets one anyway.
+std::uint32_t keyframes_made(bool has_server) {
+  TrackerOptions options;
+  options.keyframes.min_shared = 0.9;
+  options.keyframes.weak_shared = 0;
+  options.keyframes.min_near_new = 1'000'000;
+  const auto rig = testing::test_rig();
+  FeatureWorld world{11};
+  Tracker tracker(99, rig, options);
+  tracker.set_has_server(has_server);
+  for (int i = 0; i < 120; ++i)
+    tracker.track(i * kFrameNs, world.view(*rig, wander(i / 30.0), 0.3, 10));
+  EXPECT_EQ(tracker.unmapped(), static_cast<int>(tracker.keyframes_made()));
+  return tracker.keyframes_made();
+}
+
+TEST(Tracker, WaitsForTheMapperOnlyWhileThereIsAServer) {
+  EXPECT_EQ(keyframes_made(true), 3u) << "as many as may await mapping";
+  EXPECT_GT(keyframes_made(false), 6u);
+}
+
+// What a restarted server says of its progress is less than its predecessor said, or too much of a
+// lost map: neither makes anybody wait for keyframes that nobody will map.
+TEST(Tracker, KeyframesCountAsMappedOnce) {
+  Walk run;
+  run.tracker.set_has_server(false);
+  for (int i = 0; i < 120; ++i) run.step(wander(i / 30.0));
+  const auto made = run.tracker.keyframes_made();
+  ASSERT_GE(made, 3u);
+  MapUpdate update;
+  update.base_revision = 1;
+  update.revision = 2;
+  update.epoch = 99;
+  update.mapped_keyframes = 2;
+  run.tracker.apply(update);
+  EXPECT_EQ(run.tracker.unmapped(), static_cast<int>(made) - 2);
+  update.mapped_keyframes = 1;
+  run.tracker.apply(update);
+  EXPECT_EQ(run.tracker.keyframes_mapped(), 2u);
+  run.tracker.write_off(made);
+  run.tracker.write_off(1);
+  EXPECT_EQ(run.tracker.unmapped(), 0);
+}
+
 }  // namespace
 }  // namespace cairn

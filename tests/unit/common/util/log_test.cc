@@ -43,5 +43,13 @@ TEST(Log, UnknownLevelCountsAsInfo) {
   EXPECT_EQ(logged("loud", [] { log::debug("unheard"); }), "");
 }
 
+TEST(Log, AnUnknownLevelIsToldWithThoseThatThereAre) {
+  for (const char* level : {"debug", "info", "warn", "error", "off"})
+    EXPECT_TRUE(log::check_level(level).ok());
+  EXPECT_EQ(log::check_level("Info").message(),
+            "must be one of debug, info, warn, error, off; has 'Info'");
+  EXPECT_FALSE(log::check_level("").ok());
+}
+
 }  // namespace
 }  // namespace cairn

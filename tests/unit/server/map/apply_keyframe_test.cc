@@ -71,6 +71,20 @@ TEST(ApplyKeyframe, AnUnknownReferenceIsReplacedByOdometry) {
   EXPECT_LT(error.translation.norm(), 1e-9);
 }
 
+TEST(ApplyKeyframe, ARunThatComesToAnEmptyMapInItsMiddleIsPlacedByOdometry) {
+  const SyntheticMap world({.keyframes = 4});
+  Map map;
+  apply_keyframe(map, world.keyframes[2]);
+  const Rigid3 error =
+      world.keyframes[2]->odom_from_camera.inverse() * *map.pose_of(world.keyframes[2]->id);
+  EXPECT_LT(error.translation.norm(), 1e-9);
+  EXPECT_LT(rotation_angle(error), 1e-9);
+  apply_keyframe(map, world.keyframes[3]);
+  const Rigid3 next =
+      world.keyframes[3]->odom_from_camera.inverse() * *map.pose_of(world.keyframes[3]->id);
+  EXPECT_LT(next.translation.norm(), 1e-9);
+}
+
 TEST(ApplyKeyframe, TheSameOneAgainChangesNothing) {
   const SyntheticMap world({.keyframes = 2});
   Map map = built(world);
