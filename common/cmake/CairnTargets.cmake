@@ -48,15 +48,15 @@ endif()
 # Sanitizers cost time: how many times longer tests may take. And they are told what to leave alone,
 # by each test's own environment, so that it reaches the programs that tests start too.
 set(CAIRN_TEST_TIMEOUT_SCALE 1)
+set(cairn_test_properties)
 if(CAIRN_SANITIZE MATCHES "thread")
   set(CAIRN_TEST_TIMEOUT_SCALE 10)
-elseif(CAIRN_SANITIZE)
-  set(CAIRN_TEST_TIMEOUT_SCALE 5)
-endif()
-set(cairn_test_properties)
-if(CAIRN_SANITIZE)
   set(cairn_test_properties ENVIRONMENT
       "TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/support/tsan.supp")
+elseif(CAIRN_SANITIZE)
+  set(CAIRN_TEST_TIMEOUT_SCALE 5)
+  set(cairn_test_properties ENVIRONMENT
+      "LSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/support/lsan.supp")
 endif()
 
 # Registers each test of a GoogleTest program with ctest.
