@@ -1,9 +1,11 @@
 #include "client/capture/video_source.h"
 
+#include <algorithm>
 #include <charconv>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <initializer_list>
 
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
@@ -41,11 +43,15 @@ Result<cv::Mat> to_gray(const cv::Mat& image, const Camera& camera, const std::s
   return gray;
 }
 
-bool try_open(cv::VideoCapture& capture, const auto& what) {
-  // OpenCV tries one back end after the other and would print what each of them lacks.
+// Named back ends only: left to itself OpenCV asks every one it has, down to photo cameras on USB,
+// and that takes half a second and leaks.
+bool try_open(cv::VideoCapture& capture, const auto& what,
+              std::initializer_list<cv::VideoCaptureAPIs> back_ends) {
+  // Each back end would print what it lacks.
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   try {
-    return capture.open(what);
+    return std::any_of(back_ends.begin(), back_ends.end(),
+                       [&](auto back_end) { return capture.open(what, back_end); });
   } catch (const cv::Exception&) {
     return false;
   }
@@ -103,7 +109,7 @@ Result<std::unique_ptr<FrameSource>> open_video(const std::string& file,
   if (!std::filesystem::exists(file)) return {ErrorCode::kNotFound, file + ": no such file"};
   if (Status status = check_mono(name, config); !status) return status.error();
   auto capture = std::make_shared<cv::VideoCapture>();
-  if (!try_open(*capture, file)) {
+  if (!try_open(*capture, file, {cv::CAP_FFMPEG, cv::CAP_GSTREAMER, cv::CAP_OPENCV_MJPEG})) {
     return {ErrorCode::kCorrupt, file + ": is no video that OpenCV can read"};
   }
   const double own_rate = capture->get(cv::CAP_PROP_FPS);
@@ -138,7 +144,7 @@ Result<std::unique_ptr<FrameSource>> open_camera(const std::string& number,
   }
   if (Status status = check_mono(name, config); !status) return status.error();
   cv::VideoCapture capture;
-  if (!try_open(capture, index)) {
+  if (!try_open(capture, index, {cv::CAP_V4L2})) {
     return {ErrorCode::kUnavailable,
             name + ": can't be opened; is it connected, and /dev/video" + number + " readable?"};
   }

@@ -55,8 +55,6 @@ if(CAIRN_SANITIZE MATCHES "thread")
       "TSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/support/tsan.supp")
 elseif(CAIRN_SANITIZE)
   set(CAIRN_TEST_TIMEOUT_SCALE 5)
-  set(cairn_test_properties ENVIRONMENT
-      "LSAN_OPTIONS=suppressions=${CMAKE_SOURCE_DIR}/tests/support/lsan.supp")
 endif()
 
 # Registers each test of a GoogleTest program with ctest.
