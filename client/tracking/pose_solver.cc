@@ -18,7 +18,8 @@ constexpr double kMinDepth = 1e-3;   // metres; points nearer or behind can't be
 constexpr double kConverged = 1e-7;  // radians and metres
 
 struct Residual {
-  Eigen::Vector3d whitened;  // u, v, disparity; the last is 0 where not measured
+  Eigen::Vector3d whitened =
+      Eigen::Vector3d::Zero();  // u, v, disparity; the last is 0 where not measured
   double squared = 0;
   bool in_front = false;
 };
@@ -115,6 +116,20 @@ Rigid3 minimise(const PinholeCamera& camera, Rigid3 camera_from_map,
   return camera_from_map;
 }
 
+double median_squared_distance(const PinholeCamera& camera, const Rigid3& camera_from_map,
+                               std::span<const PoseObservation> observations) {
+  std::vector<double> squared;
+  for (const PoseObservation& o : observations) {
+    const Residual r = residual(camera, o, camera_from_map * o.point_in_map);
+    const double in_image = r.whitened.head<2>().squaredNorm();
+    if (r.in_front && in_image < kGrossSigma * kGrossSigma) squared.push_back(in_image);
+  }
+  if (squared.empty()) return 0;
+  const auto middle = squared.begin() + static_cast<std::ptrdiff_t>(squared.size() / 2);
+  std::nth_element(squared.begin(), middle, squared.end());
+  return *middle;
+}
+
 }  // namespace
 
 PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_from_camera,
@@ -138,6 +153,7 @@ PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_f
     solution.inliers = inliers;
     if (inliers < 3) break;
   }
+  solution.median_squared = median_squared_distance(camera, camera_from_map, observations);
   solution.map_from_camera = camera_from_map.inverse();
   solution.is_inlier = std::move(use);
   return solution;

@@ -19,10 +19,15 @@ struct PoseObservation {
   MeasurementSigma sigma;        // pixels
 };
 
+inline constexpr double kGrossSigma = 5.5;
+
 struct PoseSolution {
   Rigid3 map_from_camera;
   std::vector<bool> is_inlier;  // one an observation
   int inliers = 0;
+  // Median over the observations that are not grossly wrong (within kGrossSigma) of the squared
+  // distance in the image, in standard deviations: how precise this view is as a whole.
+  double median_squared = 0;
 };
 
 // Minimises the Huber-robust reprojection error, starting at `initial_map_from_camera`. Outliers

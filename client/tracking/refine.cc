@@ -17,6 +17,7 @@ int refine_pose(TrackedFrame& frame) {
   }
   const PoseSolution solution = solve_pose(frame.rig->camera, frame.map_from_camera, observations);
   frame.map_from_camera = solution.map_from_camera;
+  if (solution.inliers > 0) frame.noise = keyframe_noise(solution.median_squared);
   int landmarks = 0;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     FeatureMatch& match = frame.matches[feature_of[i]];

@@ -27,6 +27,7 @@ struct TrackedFrame {
   FeatureGrid grid;
   std::vector<FeatureMatch> matches;  // one a feature
   Rigid3 map_from_camera;
+  float noise = 1;  // see Keyframe::noise; known once the pose is
 
   TrackedFrame(std::int64_t stamp, std::shared_ptr<const Rig> the_rig, Features found)
       : stamp_ns(stamp),

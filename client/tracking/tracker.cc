@@ -182,6 +182,7 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
   keyframe->id = {epoch_, next_sequence_++};
   keyframe->stamp_ns = frame.stamp_ns;
   keyframe->rig = rig_;
+  keyframe->noise = frame.noise;
   keyframe->odom_from_camera = map_from_odom_.inverse() * frame.map_from_camera;
   keyframe->reference = reference_;
   if (const auto map_from_reference = map_.pose_of(reference_))

@@ -46,6 +46,10 @@ struct Keyframe {
   KeyframeId reference;
   Rigid3 reference_from_camera;
 
+  // How many times less precisely than usual features lie where they should, see
+  // measurement_noise.h: more than 1 for an image blurred by motion.
+  float noise = 1;
+
   // At most one match a feature, features ascending. A match whose landmark names this very
   // keyframe and feature (LandmarkId::from_feature) makes that landmark from the feature's depth.
   std::vector<LandmarkMatch> matches;

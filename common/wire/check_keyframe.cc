@@ -2,6 +2,7 @@
 #include <string>
 #include <unordered_set>
 
+#include "common/model/measurement_noise.h"
 #include "common/wire/keyframe_codec.h"
 #include "common/wire/values.h"
 
@@ -95,6 +96,8 @@ Status check_keyframe(const Keyframe& keyframe) {
   if (keyframe.reference.epoch == keyframe.id.epoch &&
       keyframe.reference.sequence >= keyframe.id.sequence)
     return unsound("reference is not an earlier keyframe");
+  if (!(keyframe.noise >= kMinNoise && keyframe.noise <= kMaxNoise))
+    return unsound("noise out of range");
   if (Status s = check_features(keyframe.features, keyframe.rig->pyramid.levels); !s) return s;
   return check_matches(keyframe);
 }

@@ -20,7 +20,7 @@ struct Format {
 };
 
 inline constexpr std::size_t kEnvelopeSize = 16;
-inline constexpr Format kKeyframeFormat{"CRNK", 1, "keyframe"};
+inline constexpr Format kKeyframeFormat{"CRNK", 2, "keyframe"};
 inline constexpr Format kMapUpdateFormat{"CRNU", 1, "map update"};
 
 Blob seal(const Format& format, Bytes payload);

@@ -174,6 +174,7 @@ Result<Blob> encode_keyframe(std::string_view client, const Keyframe& original) 
     out.put(head.reference.sequence);
     put_rigid(out, head.reference_from_camera);
   }
+  out.put(head.noise);
   put_features(out, head.features, head.rig->camera);
   put_matches(out, head.matches);
   return seal(kKeyframeFormat, out.take());
@@ -200,6 +201,7 @@ Result<DecodedKeyframe> decode_keyframe(Bytes blob) {
     keyframe->reference.sequence = in.get<std::uint32_t>();
     keyframe->reference_from_camera = get_rigid(in);
   }
+  keyframe->noise = in.get_float();
   keyframe->features = get_features(in, keyframe->rig->camera);
   if (!in.ok() || !get_matches(in, keyframe->matches) || !in.at_end()) return malformed;
   if (Status s = check_keyframe(*keyframe); !s) return Error{ErrorCode::kCorrupt, s.message()};

@@ -5,6 +5,7 @@
 //   position   16 bits over -1/4 .. +5/4 of the image (640 px wide: steps of 0.015 px)
 //   disparity  16 bits of 1/128 px, up to 512 px; 0 is unknown
 //   angle       8 bits of a turn, steps of 1.4 degrees
+// Noise, stamp, camera and poses are kept as they are.
 // Encoding what was decoded gives the same bytes again.
 //
 // Pure functions, safe from any thread.

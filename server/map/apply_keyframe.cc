@@ -119,7 +119,7 @@ double reprojection_chi2(const KeyframeNode& node, std::uint16_t feature,
   if (!(p.z() > 0)) return std::numeric_limits<double>::infinity();
   const PinholeCamera& camera = node.rig().camera;
   const Feature& f = node.features().points[feature];
-  const MeasurementSigma sigma = measurement_sigma(node.rig(), node.rig().pyramid.scale(f.octave));
+  const MeasurementSigma sigma = measurement_sigma(*node.keyframe, f);
   double chi2 = ((camera.project(p) - f.pixel()) / sigma.pixel).squaredNorm();
   if (f.has_depth()) {
     const double error = (camera.disparity(p.z()) - f.disparity) / sigma.disparity;

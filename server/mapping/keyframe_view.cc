@@ -59,7 +59,7 @@ std::optional<Projection> KeyframeView::project(const Landmark& landmark) const 
 }
 
 bool KeyframeView::fits(const Projection& projection, const Feature& f) const {
-  const MeasurementSigma sigma = measurement_sigma(node->rig(), scale(f.octave));
+  const MeasurementSigma sigma = measurement_sigma(*node->keyframe, f);
   const double chi2 = ((projection.pixel - f.pixel()) / sigma.pixel).squaredNorm();
   if (!f.has_depth()) return chi2 <= kChi2Pixel;
   const double error = (projection.disparity - f.disparity) / sigma.disparity;

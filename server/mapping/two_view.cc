@@ -26,8 +26,7 @@ struct Normal {
 // point X has depth z = R3 X + t3, and u = (pixel - c) / f gives (R1 - u R3) X = u t3 - t1.
 void add_rows(const Ray& ray, double depth, Normal& normal) {
   const PinholeCamera& camera = ray.node->rig().camera;
-  const Rig& rig = ray.node->rig();
-  const MeasurementSigma sigma = measurement_sigma(rig, rig.pyramid.scale(ray.feature->octave));
+  const MeasurementSigma sigma = measurement_sigma(*ray.node->keyframe, *ray.feature);
   const Eigen::Matrix3d r = ray.camera_from_map->rotation.toRotationMatrix();
   const Eigen::Vector3d& t = ray.camera_from_map->translation;
   const Eigen::Vector3d u = camera.unproject(ray.feature->pixel(), 1.0);

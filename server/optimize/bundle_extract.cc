@@ -46,7 +46,7 @@ void add_landmark(const Landmark& landmark, const Views& views, BundleProblem& p
     const KeyframeNode& node = *view->second.node;
     const Feature& feature = node.features().points[observation.feature];
     problem.terms.push_back(
-        {view->second.pose, point, observation, Reprojection(node.rig(), feature), true});
+        {view->second.pose, point, observation, Reprojection(*node.keyframe, feature), true});
   }
   if (problem.terms.size() - first_term >= 2) {
     problem.points.push_back({landmark.id, landmark.position});

@@ -37,15 +37,15 @@ Rigid3 to_rigid(const PoseState& s) {
           Eigen::Vector3d(s[4], s[5], s[6])};
 }
 
-Reprojection::Reprojection(const Rig& rig, const Feature& feature)
-    : rows_(feature.has_depth() && rig.camera.baseline > 0 ? 3 : 2),
-      coupling_(rig.sensor == Sensor::kStereo ? 1.0 : 0.0),
-      fx_(rig.camera.fx),
-      fy_(rig.camera.fy),
-      cx_(rig.camera.cx),
-      cy_(rig.camera.cy),
-      fx_baseline_(rig.camera.fx * rig.camera.baseline) {
-  const MeasurementSigma sigma = measurement_sigma(rig, rig.pyramid.scale(feature.octave));
+Reprojection::Reprojection(const Keyframe& keyframe, const Feature& feature)
+    : rows_(feature.has_depth() && keyframe.rig->camera.baseline > 0 ? 3 : 2),
+      coupling_(keyframe.rig->sensor == Sensor::kStereo ? 1.0 : 0.0),
+      fx_(keyframe.rig->camera.fx),
+      fy_(keyframe.rig->camera.fy),
+      cx_(keyframe.rig->camera.cx),
+      cy_(keyframe.rig->camera.cy),
+      fx_baseline_(keyframe.rig->camera.fx * keyframe.rig->camera.baseline) {
+  const MeasurementSigma sigma = measurement_sigma(keyframe, feature);
   measured_ = {feature.x, feature.y, coupling_ * feature.x - feature.disparity};
   if (coupling_ == 0) measured_.z() = feature.disparity;
   weight_ = {1 / sigma.pixel, 1 / sigma.pixel, 1 / sigma.disparity};

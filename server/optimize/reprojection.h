@@ -35,7 +35,7 @@ class Reprojection {
   // Metres. Nearer points, and those behind the camera, can't be seen.
   static constexpr double kMinDepth = 1e-3;
 
-  Reprojection(const Rig& rig, const Feature& feature);
+  Reprojection(const Keyframe& keyframe, const Feature& feature);
 
   bool has_depth() const { return rows_ == 3; }
   int rows() const { return rows_; }

@@ -41,6 +41,7 @@ inline Keyframe sample_keyframe(KeyframeId id, std::size_t features = 50, std::u
     k.reference = {id.epoch, id.sequence - 1};
     k.reference_from_camera = sample_pose(random);
   }
+  k.noise = 0.7f + 3.3f * unit(random);
   for (std::size_t i = 0; i < features; ++i) {
     k.features.points.push_back({.x = unit(random) * 700 - 30,
                                  .y = unit(random) * 520 - 20,

@@ -42,6 +42,18 @@ TEST(PoseSolver, FindsTheExactPoseFromExactPoints) {
   EXPECT_EQ(s.inliers, static_cast<int>(observations.size()));
 }
 
+// The median of a chi-square of two degrees of freedom is 2 ln 2 = 1.39.
+TEST(PoseSolver, MeasuresThePrecisionOfTheView) {
+  for (const double sigma : {0.5, 1.0, 2.0}) {
+    FeatureWorld world(4);
+    const auto rig = testing::test_rig();
+    const Rigid3 truth = testing::wander(1.0);
+    const auto observations = observe(world, *rig, truth, sigma);
+    const PoseSolution s = solve_pose(rig->camera, truth, observations);
+    EXPECT_NEAR(s.median_squared, 1.39 * sigma * sigma, 0.25 * sigma * sigma) << sigma;
+  }
+}
+
 TEST(PoseSolver, WorksWithoutDepth) {
   FeatureWorld world(2);
   const auto rig = testing::test_rig();

@@ -30,6 +30,7 @@ TEST(KeyframeCodec, KeepsWhatItCarriesToWithinTheRounding) {
   EXPECT_EQ(k.reference, sent.reference);
   EXPECT_EQ(k.odom_from_camera.matrix(), sent.odom_from_camera.matrix());
   EXPECT_EQ(k.reference_from_camera.matrix(), sent.reference_from_camera.matrix());
+  EXPECT_EQ(k.noise, sent.noise);
   EXPECT_EQ(k.matches, sent.matches);
   EXPECT_EQ(k.features.descriptors, sent.features.descriptors);
   ASSERT_EQ(k.features.size(), sent.features.size());
@@ -107,6 +108,8 @@ TEST(KeyframeCodec, RefusesToEncodeWhatIsNotSound) {
       [](Keyframe& k) { k.odom_from_camera.rotation.w() += 0.1; },
       [](Keyframe& k) { k.reference_from_camera.translation.y() = HUGE_VAL; },
       [](Keyframe& k) { k.reference = k.id; },
+      [](Keyframe& k) { k.noise = 0; },
+      [](Keyframe& k) { k.noise = static_cast<float>(kNan); },
       [](Keyframe& k) { k.features.points[3].octave = 8; },
       [](Keyframe& k) { k.features.descriptors.pop_back(); },
       [](Keyframe& k) { std::swap(k.matches[0], k.matches[1]); },
@@ -181,7 +184,7 @@ TEST(KeyframeCodec, DamageUnderAGoodChecksumNeverDecodesToSomethingUnsound) {
 
 TEST(KeyframeCodec, AnotherVersionIsTold) {
   Format later = kKeyframeFormat;
-  later.version = 2;
+  ++later.version;
   const auto got = decode_keyframe(seal(later, Blob(100)));
   ASSERT_FALSE(got);
   EXPECT_EQ(got.error().code, ErrorCode::kVersion);

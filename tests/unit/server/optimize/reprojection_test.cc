@@ -24,6 +24,13 @@ Rig rig_of(Sensor sensor) {
   return rig;
 }
 
+Keyframe keyframe_of(const Rig& rig, float noise = 1) {
+  Keyframe keyframe;
+  keyframe.rig = std::make_shared<Rig>(rig);
+  keyframe.noise = noise;
+  return keyframe;
+}
+
 const Rigid3 kPose(so3_exp({0.2, -0.4, 0.1}), {3, -1, 0.5});
 const Eigen::Vector3d kPointInCamera(0.4, -0.3, 2.5);
 
@@ -50,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(Sensors, ReprojectionOfSensor,
 
 TEST_P(ReprojectionOfSensor, IsZeroWhereTheFeatureWasFound) {
   const Rig rig = rig_of(GetParam());
-  const Reprojection term(rig, feature_at(rig, kPointInCamera, 2));
+  const Reprojection term(keyframe_of(rig), feature_at(rig, kPointInCamera, 2));
   EXPECT_EQ(term.rows(), GetParam() == Sensor::kMono ? 2 : 3);
   EXPECT_LT(errors_at(term, kPose, kPose * kPointInCamera).norm(), 1e-4);
 }
@@ -60,7 +67,7 @@ TEST_P(ReprojectionOfSensor, DerivativesAgreeWithDifferences) {
   Feature feature = feature_at(rig, kPointInCamera, 3);
   feature.x += 4;
   feature.y -= 2;
-  const Reprojection term(rig, feature);
+  const Reprojection term(keyframe_of(rig), feature);
   const Eigen::Vector3d point = kPose * kPointInCamera;
   double errors[3];
   Eigen::Matrix<double, 3, 7, Eigen::RowMajor> by_pose;
@@ -93,11 +100,23 @@ TEST(Reprojection, WeighsPixelsByOctaveAndDepthByTheSensor) {
     Feature feature = feature_at(rig, kPointInCamera, 2);
     feature.x += 3;
     feature.disparity += 3;  // so that the right column is right
-    const auto errors = errors_at(Reprojection(rig, feature), kPose, kPose * kPointInCamera);
+    const auto errors =
+        errors_at(Reprojection(keyframe_of(rig), feature), kPose, kPose * kPointInCamera);
     EXPECT_NEAR(errors.x(), -3 / (1.2 * 1.2), 1e-4);
     // A structured-light sensor's disparity is as good for coarse features as for fine ones.
     EXPECT_NEAR(errors.z(), sensor == Sensor::kRgbd ? -3 : 0, 1e-4);
   }
+}
+
+TEST(Reprojection, TrustsABlurredKeyframeLess) {
+  const Rig rig = rig_of(Sensor::kRgbd);
+  Feature feature = feature_at(rig, kPointInCamera, 1);
+  feature.x += 3;
+  feature.disparity += 2;
+  const Eigen::Vector3d point = kPose * kPointInCamera;
+  const auto sharp = errors_at(Reprojection(keyframe_of(rig), feature), kPose, point);
+  const auto blurred = errors_at(Reprojection(keyframe_of(rig, 2.5f), feature), kPose, point);
+  EXPECT_LT((sharp - 2.5 * blurred).norm(), 1e-6);
 }
 
 TEST(Reprojection, StereoMeasuresTheRightColumnAndRgbdTheDisparity) {
@@ -105,14 +124,15 @@ TEST(Reprojection, StereoMeasuresTheRightColumnAndRgbdTheDisparity) {
     const Rig rig = rig_of(sensor);
     Feature feature = feature_at(rig, kPointInCamera, 0);
     feature.x += 2;  // the left column is wrong by 2, the disparity right: so is the right column
-    const auto errors = errors_at(Reprojection(rig, feature), kPose, kPose * kPointInCamera);
+    const auto errors =
+        errors_at(Reprojection(keyframe_of(rig), feature), kPose, kPose * kPointInCamera);
     EXPECT_NEAR(errors.z(), sensor == Sensor::kStereo ? -2 : 0, 1e-4);
   }
 }
 
 TEST(Reprojection, PointBehindTheCameraCountsAsAnOutlier) {
   const Rig rig = rig_of(Sensor::kRgbd);
-  const Reprojection term(rig, feature_at(rig, kPointInCamera, 0));
+  const Reprojection term(keyframe_of(rig), feature_at(rig, kPointInCamera, 0));
   const Eigen::Vector3d behind = kPose * Eigen::Vector3d(0.1, 0.1, -2);
   double errors[3];
   EXPECT_FALSE(term.evaluate(to_state(kPose).data(), behind.data(), errors, nullptr, nullptr));
