@@ -4,6 +4,7 @@
 #pragma once
 
 #include "server/map/delta.h"
+#include "server/map/loop.h"
 #include "server/map/map.h"
 
 namespace cairn {
@@ -45,6 +46,11 @@ struct DeltaSummary {
 // that one is changed or carried itself: it keeps its pose relative to it. Landmarks that came
 // after the snapshot move with their reference keyframe.
 DeltaSummary apply_delta(Map& map, const MapDelta& delta);
+
+// Applies a loop's correction and remembers its edge. From then on what was computed before is void
+// (DeltaSummary::is_void): it starts from places that have changed by more than a little. So is the
+// closure itself, and nothing is done, when another one came before it.
+DeltaSummary apply_loop(Map& map, const LoopClosure& closure);
 
 // Takes a keyframe out. Its children get another parent: the most covisible one that does not
 // descend from them, or the removed one's parent. The map remembers its pose relative to its parent

@@ -126,6 +126,18 @@ DeltaSummary apply_delta(Map& map, const MapDelta& delta) {
   return s;
 }
 
+DeltaSummary apply_loop(Map& map, const LoopClosure& closure) {
+  const LoopEdge& edge = closure.edge;
+  DeltaSummary s;
+  s.is_void = !map.keyframes.contains(edge.query) || !map.keyframes.contains(edge.candidate);
+  if (s.is_void) return s;
+  s = apply_delta(map, closure.correction);
+  if (s.is_void) return s;
+  map.loops.push_back(edge);
+  ++map.merge_epoch;
+  return s;
+}
+
 bool remove_keyframe(Map& map, KeyframeId id) {
   const KeyframeNode* node = map.keyframes.find(id);
   if (!node || !node->parent.is_valid()) return false;

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/geometry/sim3.h"
 #include "common/model/ids.h"
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
@@ -84,6 +85,18 @@ struct FormerKeyframe {
   std::uint64_t since = 0;    // Map::keyframes_ever when it happened
 };
 
+// A loop that was closed (loop.h): an edge for later pose graphs, and what clients have to know.
+struct LoopEdge {
+  KeyframeId query, candidate;
+  Sim3 candidate_from_query;  // camera to camera, as verified
+  int inliers = 0;            // landmarks that both show
+
+  // Of a merge: how the part that moved lay before, and which runs (epochs of clients) it held.
+  bool merges = false;
+  Sim3 new_map_from_old_map;
+  std::vector<std::uint64_t> moved;  // ascending
+};
+
 // Landmarks with neighbouring numbers were made together, from one keyframe, and change together.
 template <>
 struct CowShardHash<LandmarkId> {
@@ -94,8 +107,8 @@ struct CowShardHash<LandmarkId> {
 
 struct Map {
   MapId id;
-  std::uint64_t revision = 0;  // grows by one with every event applied
-  std::uint32_t merge_epoch = 0;
+  std::uint64_t revision = 0;        // grows by one with every event applied
+  std::uint32_t merge_epoch = 0;     // grows by one with every loop closed or part merged
   std::uint64_t keyframes_ever = 0;  // inserted so far, culled ones included
   std::uint64_t next_landmark = 1;   // next number of a landmark made by the server
 
@@ -107,6 +120,9 @@ struct Map {
   CowTable<KeyframeId, FormerKeyframe> removed_keyframes;
   // Both forget what is old (forget_former() in apply.h). An entry that leads to another one is
   // older than that one, so that forgetting the oldest first cuts no way short.
+
+  // Loops closed and parts merged, in order; their keyframes are not culled.
+  std::vector<LoopEdge> loops;
 
   // By run (epoch) of a client: its keyframes 0 .. n-1 have been through local mapping.
   CowTable<std::uint64_t, std::uint32_t> mapped_keyframes;

@@ -42,6 +42,8 @@ void MapWriter::run() {
       applied.keyframe = apply_keyframe(map_, std::move(*keyframe));
     else if (auto* delta = std::get_if<MapDelta>(&event))
       applied.delta = apply_delta(map_, *delta);
+    else if (auto* closure = std::get_if<LoopClosure>(&event))
+      applied.delta = apply_loop(map_, *closure);
     applied.snapshot = publish();
     (*entry)->applied.set_value(std::move(applied));
   }

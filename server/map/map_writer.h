@@ -24,13 +24,13 @@
 
 namespace cairn {
 
-// A keyframe arrived; a stage or a solver has a result.
-using MapEvent = std::variant<KeyframePtr, MapDelta>;
+// A keyframe arrived; a stage or a solver has a result; a loop was found.
+using MapEvent = std::variant<KeyframePtr, MapDelta, LoopClosure>;
 
 struct Applied {
   bool done = false;         // false: the writer was closed before
   KeyframeSummary keyframe;  // for a KeyframePtr
-  DeltaSummary delta;        // for a MapDelta
+  DeltaSummary delta;        // for a MapDelta or a LoopClosure
   Snapshot snapshot;         // the map after this event, before any later one; null when not done
 };
 

@@ -25,6 +25,10 @@ bool is_near(const KeyframeNode& node, std::size_t feature) {
 class Redundancy {
  public:
   Redundancy(const Map& map, const CullOptions& options) : map_(map), options_(options) {
+    for (const LoopEdge& edge : map.loops) {
+      in_loops_.insert(edge.query);
+      in_loops_.insert(edge.candidate);
+    }
     map.keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
       std::uint32_t& newest = newest_[id.epoch];
       newest = std::max(newest, id.sequence);
@@ -32,7 +36,8 @@ class Redundancy {
   }
 
   bool may_go(KeyframeId id, const KeyframeNode& node) const {
-    return node.parent.is_valid() && id.sequence + options_.keep_newest <= newest_.at(id.epoch);
+    return node.parent.is_valid() && !in_loops_.contains(id) &&
+           id.sequence + options_.keep_newest <= newest_.at(id.epoch);
   }
 
   bool is_redundant(KeyframeId id, const KeyframeNode& node) const {
@@ -70,6 +75,7 @@ class Redundancy {
   const Map& map_;
   const CullOptions& options_;
   std::map<std::uint64_t, std::uint32_t> newest_;  // sequence by epoch
+  std::set<KeyframeId> in_loops_;
   std::set<KeyframeId> removed_;
 };
 

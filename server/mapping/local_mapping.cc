@@ -21,9 +21,17 @@ LocalMapping::LocalMapping(MapWriter& writer, LocalSolver solver,
                            const LocalMappingOptions& options)
     : writer_(writer), solver_(std::move(solver)), options_(options) {}
 
-DeltaSummary LocalMapping::submit(MapDelta delta) {
-  if (delta.empty()) return {};
-  return writer_.submit(std::move(delta)).delta;
+// Loops come seconds apart at the most, so that the second attempt is as good as sure.
+DeltaSummary LocalMapping::submit(const Step& step) {
+  constexpr int kAttempts = 5;
+  DeltaSummary summary;
+  for (int i = 0; i < kAttempts; ++i) {
+    MapDelta delta = step(*writer_.snapshot());
+    if (delta.empty()) return {};
+    summary = writer_.submit(std::move(delta)).delta;
+    if (!summary.is_void) break;
+  }
+  return summary;
 }
 
 LocalMappingReport LocalMapping::map_keyframe(KeyframeId id, std::size_t backlog,
@@ -46,7 +54,7 @@ void LocalMapping::fuse_with_neighbours(KeyframeId id, FuseDirection direction,
                                         LocalMappingReport& report) {
   Stopwatch watch;
   const DeltaSummary fused =
-      submit(fuse(*writer_.snapshot(), id, grids_, options_.fuse, direction));
+      submit([&](const Map& map) { return fuse(map, id, grids_, options_.fuse, direction); });
   report.observations_added += fused.observations_added;
   report.fused += fused.fused;
   report.fuse_ms += watch.milliseconds();
@@ -54,39 +62,46 @@ void LocalMapping::fuse_with_neighbours(KeyframeId id, FuseDirection direction,
 
 void LocalMapping::extend(KeyframeId id, LocalMappingReport& report) {
   Stopwatch watch;
-  report.landmarks_culled =
-      submit(cull_landmarks(*writer_.snapshot(), id, options_.cull)).landmarks_removed;
+  report.landmarks_culled = submit([&](const Map& map) {
+                              return cull_landmarks(map, id, options_.cull);
+                            }).landmarks_removed;
   report.cull_landmarks_ms = lap(watch);
 
   fuse_with_neighbours(id, FuseDirection::kInto, report);
   watch.reset();
-  report.landmarks_made =
-      submit(triangulate(*writer_.snapshot(), id, grids_, options_.triangulate)).landmarks_made;
+  report.landmarks_made = submit([&](const Map& map) {
+                            return triangulate(map, id, grids_, options_.triangulate);
+                          }).landmarks_made;
   report.triangulate_ms = lap(watch);
 
   fuse_with_neighbours(id, FuseDirection::kFrom, report);
   watch.reset();
-  submit(count_sightings(*writer_.snapshot(), id, grids_, options_.sighting_neighbours));
+  submit([&](const Map& map) {
+    return count_sightings(map, id, grids_, options_.sighting_neighbours);
+  });
   report.sightings_ms = lap(watch);
 }
 
 void LocalMapping::cull_around(KeyframeId id, LocalMappingReport& report) {
   Stopwatch watch;
-  report.keyframes_culled =
-      submit(cull_keyframes(*writer_.snapshot(), id, options_.cull)).keyframes_removed;
+  report.keyframes_culled = submit([&](const Map& map) {
+                              return cull_keyframes(map, id, options_.cull);
+                            }).keyframes_removed;
   report.cull_keyframes_ms = watch.milliseconds();
 }
 
 void LocalMapping::solve(LocalMappingReport& report, std::stop_token stop) {
   Stopwatch watch;
-  const Snapshot map = writer_.snapshot();
-  const LocalWindow window = choose_local_window(*map, unsolved_, options_.window);
-  report.window_ms = lap(watch);
-  report.solved = solver_ && !window.free_keyframes.empty();
-  MapDelta delta = report.solved ? solver_(*map, window, stop) : MapDelta::based_on(*map);
-  // With the result, so that a saved map never has the one without the other.
-  delta.mapped_keyframes = std::exchange(unsolved_, {});
-  submit(std::move(delta));
+  submit([&](const Map& map) {
+    const LocalWindow window = choose_local_window(map, unsolved_, options_.window);
+    report.window_ms += lap(watch);
+    report.solved = solver_ && !window.free_keyframes.empty();
+    MapDelta delta = report.solved ? solver_(map, window, stop) : MapDelta::based_on(map);
+    // With the result, so that a saved map never has the one without the other.
+    delta.mapped_keyframes = unsolved_;
+    return delta;
+  });
+  unsolved_.clear();
   report.solve_ms = lap(watch);
 }
 

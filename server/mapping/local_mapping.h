@@ -9,7 +9,8 @@
 //   cull_keyframes   keyframes that say nothing new go
 //
 // Each step computes a delta from the newest snapshot, sends it to the map's writer and waits until
-// it is applied. The method is that of ORB-SLAM (Mur-Artal et al. 2015, section VI), but for the
+// it is applied; a loop closed in between makes the delta void, and the step is taken again. The
+// method is that of ORB-SLAM (Mur-Artal et al. 2015, section VI), but for the
 // search before triangulation: keyframes come from a client whose local map may lack what the
 // server has.
 #pragma once
@@ -66,7 +67,8 @@ class LocalMapping {
   LocalMappingReport map_keyframe(KeyframeId id, std::size_t backlog, std::stop_token stop = {});
 
  private:
-  DeltaSummary submit(MapDelta delta);
+  using Step = std::function<MapDelta(const Map&)>;
+  DeltaSummary submit(const Step& step);
   void fuse_with_neighbours(KeyframeId id, FuseDirection direction, LocalMappingReport& report);
   void extend(KeyframeId id, LocalMappingReport& report);
   void solve(LocalMappingReport& report, std::stop_token stop);

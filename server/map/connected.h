@@ -1,0 +1,15 @@
+// Which keyframes belong together: the parts of a map.
+#pragma once
+
+#include <vector>
+
+#include "server/map/map.h"
+
+namespace cairn {
+
+// The part of the map that `id` lies in: every keyframe that covisibility, the spanning tree and
+// closed loops lead to, itself included; ascending. Empty when the map does not have it. Parts of
+// clients that have not met are apart. Visits the whole part.
+std::vector<KeyframeId> connected_keyframes(const Map& map, KeyframeId id);
+
+}  // namespace cairn
