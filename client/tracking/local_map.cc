@@ -1,6 +1,7 @@
 #include "client/tracking/local_map.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace cairn {
@@ -159,22 +160,25 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
 
 void LocalMap::apply(const MapUpdate& update) {
   // Sensors with depth know the scale, and maps of different scale are never merged.
-  if (id_ != update.map && update.new_map_from_old_map)
+  if (update.new_map_from_old_map)
     move({update.new_map_from_old_map->rotation, update.new_map_from_old_map->translation});
   id_ = update.map;
+  const bool loop_closed = std::exchange(merge_epoch_, update.merge_epoch) != update.merge_epoch;
   if (update.is_refresh()) forget_servers_landmarks(update);
   std::unordered_map<KeyframeId, Rigid3> old_poses;
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
 
   place_keyframes(update);
 
-  // Provisional landmarks keep their place relative to the keyframe that made them.
+  // Provisional landmarks keep their place relative to the keyframe that made them. A loop moves
+  // more landmarks than one update tells of: until they are told, they follow keyframes too.
   for (const auto& [id, slot] : by_id_) {
     LocalLandmark& landmark = slots_[slot];
-    if (!landmark.anchor.is_valid()) continue;
-    const OwnKeyframe* anchor = own(landmark.anchor);
+    const OwnKeyframe* moves_with = own(landmark.anchor);
+    if (!landmark.anchor.is_valid() && loop_closed) moves_with = first_own_observer(landmark);
+    if (!moves_with) continue;
     landmark.position =
-        anchor->map_from_camera * (old_poses[anchor->id].inverse() * landmark.position);
+        moves_with->map_from_camera * (old_poses[moves_with->id].inverse() * landmark.position);
     if (is_known_to_server(landmark, update)) landmark.anchor = {};
   }
   for (const LandmarkState& state : update.landmarks) update_landmark(state);
@@ -187,6 +191,14 @@ void LocalMap::apply(const MapUpdate& update) {
   enforce_limits();
 }
 
+// The server moves a landmark with the keyframe that made it.
+const LocalMap::OwnKeyframe* LocalMap::first_own_observer(const LocalLandmark& landmark) const {
+  const OwnKeyframe* first = nullptr;
+  for (const KeyframeId observer : landmark.observers)
+    if (const OwnKeyframe* k = own(observer); k && (!first || k->id < first->id)) first = k;
+  return first;
+}
+
 void LocalMap::move(const Rigid3& new_map_from_old_map) {
   for (OwnKeyframe& k : keyframes_) k.map_from_camera = new_map_from_old_map * k.map_from_camera;
   for (const auto& [id, slot] : by_id_) {
@@ -196,23 +208,53 @@ void LocalMap::move(const Rigid3& new_map_from_old_map) {
   }
 }
 
-void LocalMap::change_map(const Rigid3& new_map_from_old_map) {
+NewNames LocalMap::change_map(const Rigid3& new_map_from_old_map) {
   move(new_map_from_old_map);
+  const NewNames names = take_over_landmarks();
+  for (OwnKeyframe& k : keyframes_) take_over_keyframe(k, names);
+  return names;
+}
+
+// Each landmark becomes provisional, by the last own keyframe that sees it.
+NewNames LocalMap::take_over_landmarks() {
+  std::vector<std::pair<LandmarkId, Slot>> all(by_id_.begin(), by_id_.end());
+  std::sort(all.begin(), all.end());
+  // No feature has so high a number: the server can't take the name for another landmark's.
+  std::uint16_t next_name = std::numeric_limits<std::uint16_t>::max();
+  NewNames names;
+  for (const auto& [id, slot] : all) {
+    LocalLandmark& landmark = slots_[slot];
+    KeyframeId anchor = id.origin == LandmarkId::kServer ? KeyframeId{} : id.creator();
+    if (!own(anchor))
+      for (const KeyframeId observer : landmark.observers)
+        if (own(observer)) anchor = observer;
+    if (!own(anchor)) {
+      names.add(id, {});
+      remove(id);
+      continue;
+    }
+    landmark.anchor = anchor;
+    if (id.origin != LandmarkId::kServer) continue;
+    landmark.id = LandmarkId::from_feature(anchor, next_name--);
+    by_id_.erase(id);
+    by_id_[landmark.id] = slot;
+    names.add(id, landmark.id);
+  }
+  for (const auto& [before, replacement] : renamed_)
+    names.add(before, names.of(current_name(replacement)));
   renamed_.clear();
-  for (OwnKeyframe& k : keyframes_) {
-    if (k.placed_by_server) k.reference = {};
-    k.placed_by_server = false;
-    k.of_former_map = true;
-  }
-  std::vector<LandmarkId> dropped;
-  for (const auto& [id, slot] : by_id_) {
-    const OwnKeyframe* maker = id.origin == LandmarkId::kServer ? nullptr : own(id.creator());
-    if (maker)
-      slots_[slot].anchor = maker->id;
-    else
-      dropped.push_back(id);
-  }
-  for (const LandmarkId id : dropped) remove(id);
+  return names;
+}
+
+void LocalMap::take_over_keyframe(OwnKeyframe& mine, const NewNames& names) const {
+  if (mine.placed_by_server) mine.reference = {};
+  mine.placed_by_server = false;
+  mine.of_former_map = true;
+  if (!mine.keyframe) return;
+  auto renamed = std::make_shared<Keyframe>(*mine.keyframe);
+  for (LandmarkMatch& match : renamed->matches) match.landmark = names.of(match.landmark);
+  std::erase_if(renamed->matches, [](const LandmarkMatch& m) { return !m.landmark.is_valid(); });
+  mine.keyframe = std::move(renamed);
 }
 
 bool LocalMap::is_known_to_server(const LocalLandmark& landmark, const MapUpdate& update) const {
@@ -315,12 +357,8 @@ std::vector<KeyframePtr> LocalMap::recent_keyframes() const {
 
 std::vector<LandmarkId> LocalMap::landmarks_by_feature(const Keyframe& keyframe) const {
   std::vector<LandmarkId> ids(keyframe.features.size());
-  const OwnKeyframe* mine = own(keyframe.id);
-  for (const LandmarkMatch& match : keyframe.matches) {
-    // The present map's server has given the name to another landmark.
-    if (mine && mine->of_former_map && match.landmark.origin == LandmarkId::kServer) continue;
+  for (const LandmarkMatch& match : keyframe.matches)
     if (const LocalLandmark* landmark = find(match.landmark)) ids[match.feature] = landmark->id;
-  }
   return ids;
 }
 

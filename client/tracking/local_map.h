@@ -32,6 +32,21 @@ struct LocalLandmark {
   std::uint64_t last_use = 0;
 };
 
+// What names of a former map's time mean now.
+class NewNames {
+ public:
+  void add(LandmarkId before, LandmarkId now) { names_[before] = now; }
+  // Not valid for landmarks that are gone.
+  LandmarkId of(LandmarkId before) const {
+    const auto it = names_.find(before);
+    if (it != names_.end()) return it->second;
+    return before.origin == LandmarkId::kServer ? LandmarkId{} : before;
+  }
+
+ private:
+  std::unordered_map<LandmarkId, LandmarkId> names_;
+};
+
 class LocalMap {
  public:
   struct Limits {
@@ -71,10 +86,10 @@ class LocalMap {
     return id_ != MapId{} && update.map != id_ && !update.new_map_from_old_map;
   }
   // Everything moves into the new map's frame. Keyframes that the new map does not hold keep their
-  // place there, and so do the landmarks that they made: the server that has the new map knows none
-  // of them, they are the client's own again. Landmarks of the server's making are dropped, since
-  // their names mean others in the new map.
-  void change_map(const Rigid3& new_map_from_old_map);
+  // place there, and so do the landmarks that they see: the server that has the new map knows none
+  // of them, they are the client's own again. Those of the server's making get names of the
+  // client's, since theirs mean others in the new map; what no own keyframe sees is dropped.
+  NewNames change_map(const Rigid3& new_map_from_old_map);
 
   // Pose of an own keyframe; nothing for others.
   std::optional<Rigid3> pose_of(KeyframeId keyframe) const;
@@ -109,6 +124,9 @@ class LocalMap {
   std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;
   LandmarkId current_name(LandmarkId id) const;
   void move(const Rigid3& new_map_from_old_map);
+  NewNames take_over_landmarks();
+  void take_over_keyframe(OwnKeyframe& mine, const NewNames& names) const;
+  const OwnKeyframe* first_own_observer(const LocalLandmark& landmark) const;
   bool is_known_to_server(const LocalLandmark& landmark, const MapUpdate& update) const;
   void forget_servers_landmarks(const MapUpdate& update);
   void place_keyframes(const MapUpdate& update);
@@ -117,6 +135,7 @@ class LocalMap {
 
   Limits limits_;
   MapId id_;
+  std::uint32_t merge_epoch_ = 0;
   std::vector<LocalLandmark> slots_;
   std::vector<Slot> free_slots_;
   std::unordered_map<LandmarkId, Slot> by_id_;

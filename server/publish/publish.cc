@@ -51,6 +51,7 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
       refresh || mapped_keyframes != mapped_keyframes_ || map.merge_epoch != merge_epoch_;
   ++differences_;
   MapUpdate update;
+  if (!refresh) follow_loops(map, update);
   update.map = map.id;
   update.merge_epoch = merge_epoch_ = map.merge_epoch;
   update.epoch = epoch_;
@@ -68,6 +69,25 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
   update.base_revision = refresh ? 0 : revision_;
   update.revision = ++revision_;
   return update;
+}
+
+// A part that was merged into another one has moved as a whole: the client moves what it has. After
+// a loop the client lets its landmarks follow its keyframes, and is told anew where they are once
+// it comes near them.
+void ClientView::follow_loops(const Map& map, MapUpdate& update) {
+  Sim3 move;
+  for (std::size_t i = merge_epoch_; i < map.loops.size(); ++i) {
+    const LoopEdge& loop = map.loops[i];
+    if (!loop.merges) {
+      for (Known& known : known_) known.told = false;
+    } else if (std::binary_search(loop.moved.begin(), loop.moved.end(), epoch_)) {
+      move = loop.new_map_from_old_map * move;
+      update.new_map_from_old_map = move;
+    }
+  }
+  if (!update.new_map_from_old_map) return;
+  for (OwnKeyframe& own : keyframes_) own.map_from_camera = move.move_pose(own.map_from_camera);
+  for (Known& known : known_) known.position = move * known.position;
 }
 
 void ClientView::start_over() {

@@ -76,6 +76,7 @@ class ClientView {
   using Slot = std::uint32_t;
 
   void start_over();
+  void follow_loops(const Map& map, MapUpdate& update);
   void compare_keyframes(const Map& map, std::uint32_t count, MapUpdate& update);
   void compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpdate& update) const;
   void tell_removal(const Map& map, std::uint32_t sequence, MapUpdate& update);

@@ -50,7 +50,7 @@ TEST(PoseSolver, MeasuresThePrecisionOfTheView) {
     const Rigid3 truth = testing::wander(1.0);
     const auto observations = observe(world, *rig, truth, sigma);
     const PoseSolution s = solve_pose(rig->camera, truth, observations);
-    EXPECT_NEAR(s.median_squared, 1.39 * sigma * sigma, 0.25 * sigma * sigma) << sigma;
+    EXPECT_NEAR(s.median_squared, 1.39 * sigma * sigma, 0.3 * sigma * sigma) << sigma;
   }
 }
 

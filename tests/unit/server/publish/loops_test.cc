@@ -1,0 +1,118 @@
+// Closed loops and merged parts, from the server's map by way of its updates into a client's local
+// map.
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "client/tracking/local_map.h"
+#include "server/map/apply.h"
+#include "server/publish/publish.h"
+#include "tests/unit/server/synthetic_map.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::uint32_t kKeyframes = 5;
+const Rigid3 kMove(so3_exp({0, 0.4, 0.1}), {2, 0.3, -1});
+
+struct Pair {
+  explicit Pair(const PublishOptions& options = {})
+      : world({.keyframes = kKeyframes, .epoch = 7}), view(7, options) {
+    map.id = {1};
+    for (const KeyframePtr& keyframe : world.keyframes) {
+      apply_keyframe(map, keyframe);
+      local.add_keyframe(keyframe, keyframe->odom_from_camera);
+    }
+    for (int i = 0; i < 100; ++i) tell();
+  }
+  std::size_t tell() {
+    const auto update = view.difference(map, kKeyframes);
+    if (!update) return 0;
+    local.apply(*update);
+    return update->landmarks.size();
+  }
+  // The loop turns and shifts every keyframe by `share` of its way along the run, its landmarks
+  // with it; a merge moves all alike.
+  void close_loop(bool merges) {
+    LoopClosure closure;
+    closure.edge.query = {7, kKeyframes - 1};
+    closure.edge.candidate = {7, 0};
+    closure.edge.merges = merges;
+    closure.edge.new_map_from_old_map = Sim3(kMove);
+    if (merges) closure.edge.moved = {7};
+    closure.correction = MapDelta::based_on(map);
+    for (std::uint32_t k = 0; k < kKeyframes; ++k) {
+      const KeyframeNode& node = map.keyframes.at({7, k});
+      const Rigid3 move = merges ? kMove : Rigid3(so3_exp({0, 0.02 * k, 0}), {0.1 * k, 0, 0});
+      closure.correction.poses.push_back(
+          {{7, k}, node.map_from_camera, move * node.map_from_camera});
+      for (const LandmarkId id : node.landmarks)
+        if (id.is_valid() && map.landmarks.at(id).reference == KeyframeId{7, k})
+          closure.correction.positions.push_back({id, move * map.landmarks.at(id).position});
+    }
+    ASSERT_FALSE(apply_loop(map, closure).is_void);
+  }
+  // The farthest that any landmark of the client lies from where the map has it, metres.
+  double landmark_error() const {
+    double worst = 0;
+    map.landmarks.for_each([&](LandmarkId id, const Landmark& landmark) {
+      if (const LocalLandmark* mine = local.find(id))
+        worst = std::max(worst, (mine->position - landmark.position).norm());
+    });
+    return worst;
+  }
+  double keyframe_error() const {
+    double worst = 0;
+    for (std::uint32_t k = 0; k < kKeyframes; ++k)
+      worst = std::max(worst, (local.pose_of({7, k})->translation -
+                               map.keyframes.at({7, k}).map_from_camera.translation)
+                                  .norm());
+    return worst;
+  }
+
+  SyntheticMap world;
+  Map map;
+  ClientView view;
+  LocalMap local;
+};
+
+TEST(Loops, AMergedPartMovesAsAWholeWithoutBeingSentAnew) {
+  Pair pair;
+  ASSERT_LT(pair.landmark_error(), 0.01);
+  pair.close_loop(true);
+  EXPECT_GT(pair.landmark_error(), 0.5);
+  EXPECT_EQ(pair.tell(), 0u);
+  EXPECT_LT(pair.landmark_error(), 0.01);
+  EXPECT_LT(pair.keyframe_error(), 1e-3);
+}
+
+TEST(Loops, WhatOneUpdateCantTellFollowsTheKeyframesAtOnce) {
+  Pair pair({.max_landmarks = 20});
+  pair.close_loop(false);
+  const double before = pair.landmark_error();
+  EXPECT_GT(before, 0.3);
+  EXPECT_EQ(pair.tell(), 20u);
+  EXPECT_LT(pair.keyframe_error(), 1e-3);
+  EXPECT_LT(pair.landmark_error(), 0.6 * before);
+  // And the rest is told in time.
+  for (int i = 0; i < 100; ++i) pair.tell();
+  EXPECT_LT(pair.landmark_error(), 0.01);
+}
+
+TEST(Loops, APartThatStaysIsNotMoved) {
+  Pair pair;
+  LoopClosure closure;
+  closure.edge.query = {7, 1};
+  closure.edge.candidate = {7, 0};
+  closure.edge.merges = true;
+  closure.edge.new_map_from_old_map = Sim3(kMove);
+  closure.edge.moved = {99};
+  closure.correction = MapDelta::based_on(pair.map);
+  ASSERT_FALSE(apply_loop(pair.map, closure).is_void);
+  EXPECT_EQ(pair.tell(), 0u);
+  EXPECT_LT(pair.landmark_error(), 0.01);
+}
+
+}  // namespace
+}  // namespace cairn
