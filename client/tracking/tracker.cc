@@ -222,10 +222,10 @@ void Tracker::apply(const MapUpdate& update) {
 
 void Tracker::change_map() {
   log::warn("the server has another map: going on in it with what this client knows");
-  map_.change_map(map_from_odom_.inverse());
+  const NewNames names = map_.change_map(map_from_odom_.inverse());
   if (!last_) return;
   for (FeatureMatch& match : last_->matches)
-    if (match.landmark.origin == LandmarkId::kServer) match = {};
+    if (match.shows_landmark()) match.landmark = names.of(match.landmark);
 }
 
 }  // namespace cairn

@@ -189,7 +189,7 @@ TEST(LocalMap, AnotherMapKeepsThePlacesOfWhatItDoesNotHold) {
   other.base_revision = 0;
   other.map = {2};
   ASSERT_TRUE(map.is_of_another_map(other));
-  map.change_map(moved(-5));
+  const NewNames names = map.change_map(moved(-5));
   map.apply(other);
   EXPECT_EQ(map.id(), MapId{2});
   EXPECT_NEAR(map.pose_of({kEpoch, 0})->translation.x(), 0, 1e-12);
@@ -197,6 +197,11 @@ TEST(LocalMap, AnotherMapKeepsThePlacesOfWhatItDoesNotHold) {
   ASSERT_TRUE(map.find(name(0, 0)));
   EXPECT_NEAR((map.find(name(0, 0))->position - seen - Eigen::Vector3d(-5, 0, 0)).norm(), 0, 1e-12);
   EXPECT_FALSE(map.find(made.id)) << "its name means another landmark now";
+  const LandmarkId now = names.of(made.id);
+  ASSERT_TRUE(map.find(now));
+  EXPECT_EQ(map.find(now)->anchor, (KeyframeId{kEpoch, 0}));
+  EXPECT_EQ(names.of(name(0, 0)), name(0, 0));
+  EXPECT_FALSE(names.of({LandmarkId::kServer, 77}).is_valid());
 
   // The new map gets the third keyframe only, and all that it does not know stays.
   other.mapped_keyframes = 3;
@@ -208,6 +213,37 @@ TEST(LocalMap, AnotherMapKeepsThePlacesOfWhatItDoesNotHold) {
   map.apply(other);
   EXPECT_TRUE(map.find(name(0, 0)));
   EXPECT_FALSE(map.find(name(2, 0))) << "mapped in this map, and culled";
+}
+
+TEST(LocalMap, AKeyframeOfAFormerMapKnowsItsLandmarksByTheirNewNames) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 2), moved(0));
+  MapUpdate first = update_of(1);
+  first.map = {1};
+  LandmarkState made;
+  made.id = {LandmarkId::kServer, 5};
+  made.observers = {{kEpoch, 0}};
+  LandmarkState foreign;
+  foreign.id = {LandmarkId::kServer, 6};
+  foreign.observers = {{kEpoch + 1, 0}};
+  first.landmarks = {made, foreign};
+  first.removed_landmarks = {{name(0, 1), made.id}};  // fused
+  map.apply(first);
+  map.add_keyframe(make_keyframe(1, 0, {made.id, name(0, 0), foreign.id}), moved(0));
+  const NewNames names = map.change_map(moved(1));
+  // The new map's server uses the names for other landmarks.
+  MapUpdate other = update_of(0);
+  other.base_revision = 0;
+  other.map = {2};
+  other.landmarks = {made, foreign};
+  map.apply(other);
+
+  const LandmarkId now = names.of(made.id), seen_too = names.of(foreign.id);
+  ASSERT_TRUE(map.find(now));
+  const auto recent = map.recent_keyframes();
+  EXPECT_EQ(map.landmarks_by_feature(*recent[0]),
+            (std::vector<LandmarkId>{now, name(0, 0), seen_too}));
+  EXPECT_EQ(map.landmarks_by_feature(*recent[1]), (std::vector<LandmarkId>{name(0, 0), now}));
 }
 
 TEST(LocalMap, AMergeMovesEverythingAndForgetsNothing) {

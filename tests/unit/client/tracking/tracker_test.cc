@@ -141,6 +141,48 @@ TEST(Tracker, GoesOnInItsOwnFrameWhenTheServerHasAnotherMap) {
   EXPECT_LT(run.tracker.trajectory().front().world_from_camera.translation.norm(), 1e-9);
 }
 
+// Fusion and culling leave little of what the client has named: most is of the server's making.
+TEST(Tracker, IsNotLostWhenAllItSeesHadTheFormerServersNames) {
+  Walk run;
+  TrackingResult r;
+  std::vector<LandmarkId> named;
+  for (int i = 0; i < 20; ++i) {
+    r = run.step(wander(i / 30.0));
+    if (!r.keyframe) continue;
+    for (const LandmarkMatch& m : r.keyframe->matches)
+      if (m.landmark.creator() == r.keyframe->id) named.push_back(m.landmark);
+  }
+  MapUpdate update;
+  update.map = {1};
+  update.base_revision = 1;
+  update.revision = 2;
+  update.epoch = 99;
+  update.mapped_keyframes = run.tracker.keyframes_made();
+  std::uint64_t number = 1;
+  for (const LandmarkId id : named) {
+    const LocalLandmark* l = run.tracker.map().find(id);
+    LandmarkState made{.id = {LandmarkId::kServer, number++},
+                       .position = l->position,
+                       .normal = l->normal,
+                       .min_distance = l->min_distance,
+                       .max_distance = l->max_distance,
+                       .descriptor = l->descriptor,
+                       .observers = l->observers};
+    update.landmarks.push_back(made);
+    update.removed_landmarks.push_back({id, made.id});
+  }
+  run.tracker.apply(update);
+  const int before = run.step(wander(20 / 30.0)).landmarks;
+  MapUpdate other;
+  other.map = {2};
+  other.revision = 1;
+  other.epoch = 99;
+  run.tracker.apply(other);
+  r = run.step(wander(21 / 30.0));
+  EXPECT_EQ(r.state, TrackingState::kTracking);
+  EXPECT_GT(r.landmarks, 0.9 * before);
+}
+
 // Keyframes of 4 s of the walk that nobody maps, where no view is so weak that it gets one anyway.
 std::uint32_t keyframes_made(bool has_server) {
   TrackerOptions options;
