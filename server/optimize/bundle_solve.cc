@@ -8,6 +8,7 @@
 #include "common/util/clock.h"
 #include "server/optimize/bundle_adjustment.h"
 #include "server/optimize/rigid3_manifold.h"
+#include "server/optimize/stop_callback.h"
 
 namespace cairn {
 namespace {
@@ -53,17 +54,6 @@ class SwitchedHuber final : public ceres::LossFunction {
 
  private:
   ceres::HuberLoss huber_;
-};
-
-class StopCallback final : public ceres::IterationCallback {
- public:
-  explicit StopCallback(std::stop_token stop) : stop_(std::move(stop)) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return stop_.stop_requested() ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  std::stop_token stop_;
 };
 
 ceres::Problem::Options problem_options() {

@@ -1,0 +1,101 @@
+#include "server/verify/matches.h"
+
+#include <algorithm>
+#include <array>
+
+#include "common/feature/hamming.h"
+#include "common/feature/matching.h"
+
+namespace cairn {
+namespace {
+
+// So many of the most similar landmarks are looked at.
+constexpr std::size_t kNearest = 4;
+// Landmarks nearer to each other than this share of their distance from the camera are taken for
+// one thing that the map holds twice.
+constexpr double kSamePlace = 0.03;
+
+struct Found {
+  int index = -1;
+  int distance = 257;
+};
+using FoundList = std::array<Found, kNearest>;  // nearest first, of equals the first met
+
+void offer(FoundList& list, Found found) {
+  if (found.distance >= list.back().distance) return;
+  std::size_t at = kNearest - 1;
+  for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
+  list[at] = found;
+}
+
+bool same_place(const Side& side, int a, int b) {
+  const Eigen::Vector3d& p = side.landmarks[static_cast<std::size_t>(a)].position;
+  const Eigen::Vector3d& q = side.landmarks[static_cast<std::size_t>(b)].position;
+  return (p - q).norm() <= kSamePlace * p.norm();
+}
+
+// The nearest is near enough and clearly nearer than the nearest one elsewhere.
+bool is_distinctive(const Side& side, const FoundList& list, const VerifyOptions& options) {
+  if (list[0].index < 0 || list[0].distance > options.max_distance) return false;
+  for (std::size_t i = 1; i < kNearest && list[i].index >= 0; ++i)
+    if (!same_place(side, list[0].index, list[i].index))
+      return static_cast<float>(list[0].distance) <=
+             options.ratio * static_cast<float>(list[i].distance);
+  return true;
+}
+
+struct Tables {
+  std::vector<FoundList> of_query, of_candidate;
+};
+
+Tables compare(const Side& query, const Side& candidate) {
+  Tables t{std::vector<FoundList>(query.landmarks.size()),
+           std::vector<FoundList>(candidate.landmarks.size())};
+  for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
+    const Descriptor wanted = query.landmarks[i].landmark->descriptor;
+    for (std::size_t j = 0; j < candidate.landmarks.size(); ++j) {
+      const int distance = hamming_distance(wanted, candidate.landmarks[j].landmark->descriptor);
+      offer(t.of_query[i], {static_cast<int>(j), distance});
+      offer(t.of_candidate[j], {static_cast<int>(i), distance});
+    }
+  }
+  return t;
+}
+
+void keep_turned_alike(const Side& query, const Side& candidate,
+                       std::vector<LandmarkPair>& matches) {
+  std::vector<float> turns;
+  for (const auto& m : matches)
+    turns.push_back(
+        candidate.feature_of(candidate.landmarks[static_cast<std::size_t>(m.candidate)]).angle -
+        query.feature_of(query.landmarks[static_cast<std::size_t>(m.query)]).angle);
+  const std::vector<bool> good = consistent_turns(turns);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i)
+    if (good[i]) matches[kept++] = matches[i];
+  matches.resize(kept);
+}
+
+}  // namespace
+
+Matches match_sides(const Side& query, const Side& candidate, const VerifyOptions& options) {
+  const Tables tables = compare(query, candidate);
+  Matches matches;
+  matches.distinctive.resize(query.landmarks.size());
+  for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
+    const FoundList& list = tables.of_query[i];
+    for (const Found& found : list)
+      if (found.index >= 0 && found.distance <= options.max_distance)
+        matches.similar.push_back({static_cast<int>(i), found.index});
+    if (!is_distinctive(candidate, list, options)) continue;
+    const FoundList& back = tables.of_candidate[static_cast<std::size_t>(list[0].index)];
+    if (!is_distinctive(query, back, options)) continue;
+    matches.distinctive[i] = same_place(query, static_cast<int>(i), back[0].index);
+    if (back[0].index == static_cast<int>(i))
+      matches.best.push_back({static_cast<int>(i), list[0].index});
+  }
+  keep_turned_alike(query, candidate, matches.best);
+  return matches;
+}
+
+}  // namespace cairn
