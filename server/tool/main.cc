@@ -6,6 +6,7 @@
 #include "server/tool/eval_command.h"
 #include "server/tool/map_command.h"
 #include "server/tool/synth_command.h"
+#include "server/tool/vocab_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Cairn's toolbox: evaluate trajectories, render data, look into saved maps",
@@ -16,6 +17,7 @@ int main(int argc, char** argv) {
   cairn::add_eval_command(app, run);
   cairn::add_map_command(app, run);
   cairn::add_synth_command(app, run);
+  cairn::add_vocab_command(app, run);
 
   try {
     app.parse(argc, argv);
