@@ -18,6 +18,7 @@ void read_entropy(Section section, EntropyOptions& entropy) {
       {{"histogram", EntropyVariant::kHistogram}, {"shares", EntropyVariant::kShares}});
   entropy.block = static_cast<int>(section.integer_or("block", entropy.block, {8, 1024}));
   entropy.delta = section.number_or("delta", entropy.delta, {-8, 8});
+  entropy.min_threshold = section.number_or("min_threshold", entropy.min_threshold, {0, 32});
   if (entropy.mode == EntropyMode::kCalibrated)
     entropy.scene_mean = section.number("scene_mean", {0, 32});
   if (entropy.mode == EntropyMode::kFixed)

@@ -9,6 +9,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "client/calibrate_entropy.h"
 #include "client/session.h"
 #include "common/util/log.h"
 
@@ -76,6 +77,30 @@ int exit_code(const cairn::Error& error) {
              : kFailed;
 }
 
+// --calibrate-entropy: the first pass over a scene; what it finds goes to stdout and into the
+// config.
+int calibrate(const std::string& config_path, const cairn::ClientConfig& config,
+              const std::string& input) {
+  const Interrupt interrupt;
+  const auto found = cairn::calibrate_entropy(input, config, interrupt.token());
+  if (!found) {
+    fmt::print(stderr, "cairn-client: {}\n", found.message());
+    return exit_code(found.error());
+  }
+  fmt::print("frames {}\nscene_mean {:.4f}\nthreshold {:.4f}\n", found->frames, found->scene_mean,
+             found->threshold);
+  if (cairn::Status s = cairn::store_scene_mean(config_path, found->scene_mean); !s) {
+    fmt::print(stderr,
+               "cairn-client: {}; write `mode: calibrated` and `scene_mean: {:.4f}` into frontend: "
+               "sharpen: yourself\n",
+               s.message(), found->scene_mean);
+    return exit_code(s.error());
+  }
+  fmt::print(stderr, "cairn-client: {} now says mode: calibrated, scene_mean: {:.4f}\n",
+             config_path, found->scene_mean);
+  return kAllDelivered;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -104,6 +129,10 @@ int main(int argc, char** argv) {
   app.add_flag("--lockstep", options.lockstep,
                "wait for the server's answer to each keyframe; repeatable, for tests");
   app.add_flag("--no-server", options.no_server, "track alone; keyframes stay in the outbox");
+  bool calibrate_entropy = false;
+  app.add_flag("--calibrate-entropy", calibrate_entropy,
+               "read all of the input, print the mean entropy of the scene, store it in the config "
+               "for `mode: calibrated`, and end");
   app.add_option("--timeout", timeout_s, "seconds to wait for delivery and corrections at the end")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
@@ -124,6 +153,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "cairn-client: {}\n", config.message());
     return kBadUsage;
   }
+  if (calibrate_entropy) return calibrate(config_path, *config, options.input);
   options.config = *config;
   if (log_level.empty()) cairn::log::initialise("cairn-client", options.config.log_level);
   if (domain) options.config.domain = *domain;

@@ -8,67 +8,81 @@
 namespace cairn {
 namespace {
 
-using Histogram = std::array<std::uint32_t, 256>;
-
-// Four histograms in turn: equal neighbours would otherwise wait for each other's store.
-Histogram histogram(const cv::Mat& block) {
-  alignas(64) std::uint32_t bins[4][256] = {};
-  for (int y = 0; y < block.rows; ++y) {
-    const std::uint8_t* row = block.ptr<std::uint8_t>(y);
-    int x = 0;
-    for (; x + 4 <= block.cols; x += 4) {
-      ++bins[0][row[x]];
-      ++bins[1][row[x + 1]];
-      ++bins[2][row[x + 2]];
-      ++bins[3][row[x + 3]];
-    }
-    for (; x < block.cols; ++x) ++bins[0][row[x]];
-  }
-  Histogram sum;
-  for (std::size_t i = 0; i < 256; ++i) sum[i] = bins[0][i] + bins[1][i] + bins[2][i] + bins[3][i];
-  return sum;
-}
-
-// n log2 n for the counts that occur in blocks of ordinary size.
-constexpr std::size_t kTableSize = 8192;
-const std::array<float, kTableSize>& n_log_n_table() {
+constexpr int kBits = 14;  // after the binary point
+// n log2 n for the counts that occur in blocks of ordinary size, in whole 2^-14 bits: sums come out
+// the same in any order.
+constexpr std::size_t kTableSize = 16384;
+const std::array<std::uint32_t, kTableSize>& n_log_n_table() {
   static const auto table = [] {
-    std::array<float, kTableSize> t{};
+    std::array<std::uint32_t, kTableSize> t{};
     for (std::size_t n = 2; n < kTableSize; ++n)
-      t[n] = static_cast<float>(static_cast<double>(n) * std::log2(static_cast<double>(n)));
+      t[n] = static_cast<std::uint32_t>(
+          std::lround(static_cast<double>(n) * std::log2(static_cast<double>(n)) * (1 << kBits)));
     return t;
   }();
   return table;
 }
 
+using Counts = std::array<std::uint16_t, 256>;
+using Histogram = std::array<std::uint32_t, 256>;
+
+Counts count(const cv::Mat& block, const Kernels& kernels) {
+  alignas(64) Counts counts;
+  kernels.histogram(block.ptr<std::uint8_t>(), static_cast<std::ptrdiff_t>(block.step), block.cols,
+                    block.rows, counts.data());
+  return counts;
+}
+
+// Of a block of any size, in strips that the kernel can count.
+Histogram histogram(const cv::Mat& block, const Kernels& kernels) {
+  Histogram sum{};
+  const int strip = std::max(1, 65535 / block.cols);
+  for (int y = 0; y < block.rows; y += strip) {
+    const Counts counts = count(block.rowRange(y, std::min(block.rows, y + strip)), kernels);
+    for (std::size_t i = 0; i < 256; ++i) sum[i] += counts[i];
+  }
+  return sum;
+}
+
 // H = -sum c/n log2(c/n) = log2 n - (sum c log2 c) / n, over the histogram's counts c.
-double histogram_entropy(const Histogram& h, double pixels) {
-  const auto& table = n_log_n_table();
-  double sum = 0;
-  for (const std::uint32_t count : h)
-    sum += count < kTableSize ? static_cast<double>(table[count]) : count * std::log2(count);
+double entropy_of_sum(double sum, double pixels) {
   return std::max(0.0, std::log2(pixels) - sum / pixels);
+}
+
+double histogram_entropy(const Histogram& h, double pixels) {
+  double sum = 0;
+  for (const std::uint32_t c : h) sum += c > 0 ? c * std::log2(static_cast<double>(c)) : 0.0;
+  return entropy_of_sum(sum, pixels);
+}
+
+// For blocks whose every count is in the table: the sum then fits too, as n log2 n of the whole.
+double small_block_entropy(const cv::Mat& block, const Kernels& kernels) {
+  const Counts counts = count(block, kernels);
+  const auto& table = n_log_n_table();
+  std::uint32_t sum = 0;
+  for (const std::uint16_t c : counts) sum += table[c];
+  return entropy_of_sum(static_cast<double>(sum) / (1 << kBits),
+                        static_cast<double>(block.total()));
 }
 
 // Pixels of grey level g all have the share g / S: H = log2 S - (sum count(g) g log2 g) / S.
 double share_entropy(const Histogram& h) {
-  const auto& table = n_log_n_table();
   double total = 0, sum = 0;
   for (std::size_t g = 1; g < 256; ++g) {
-    total += static_cast<double>(h[g]) * static_cast<double>(g);
-    sum += static_cast<double>(h[g]) * static_cast<double>(table[g]);
+    const double share = static_cast<double>(h[g]) * static_cast<double>(g);
+    total += share;
+    sum += share * std::log2(static_cast<double>(g));
   }
   return total > 0 ? std::max(0.0, std::log2(total) - sum / total) : 0.0;
 }
 
 }  // namespace
 
-double entropy(const cv::Mat& block, EntropyVariant variant) {
+double entropy(const cv::Mat& block, EntropyVariant variant, const Kernels& kernels) {
   if (block.empty()) return 0;
-  const Histogram h = histogram(block);
-  return variant == EntropyVariant::kShares
-             ? share_entropy(h)
-             : histogram_entropy(h, static_cast<double>(block.total()));
+  if (variant == EntropyVariant::kShares) return share_entropy(histogram(block, kernels));
+  if (block.total() < kTableSize) return small_block_entropy(block, kernels);
+  return histogram_entropy(histogram(block, kernels), static_cast<double>(block.total()));
 }
 
 BlockGrid::BlockGrid(cv::Size image, int block)
@@ -84,9 +98,9 @@ cv::Rect BlockGrid::area(int index) const {
 }
 
 void append_block_entropies(const cv::Mat& image, const BlockGrid& grid, EntropyVariant variant,
-                            std::vector<float>& entropies) {
+                            std::vector<float>& entropies, const Kernels& kernels) {
   for (int i = 0; i < grid.size(); ++i)
-    entropies.push_back(static_cast<float>(entropy(image(grid.area(i)), variant)));
+    entropies.push_back(static_cast<float>(entropy(image(grid.area(i)), variant, kernels)));
 }
 
 double EntropyThreshold::next(double image_mean) {
@@ -96,9 +110,9 @@ double EntropyThreshold::next(double image_mean) {
     case EntropyMode::kOff:
       return 0;
     case EntropyMode::kOnline:
-      return mean_ / 2 + options_.delta;
+      return std::max(mean_ / 2 + options_.delta, options_.min_threshold);
     case EntropyMode::kCalibrated:
-      return options_.scene_mean / 2 + options_.delta;
+      return std::max(options_.scene_mean / 2 + options_.delta, options_.min_threshold);
     case EntropyMode::kFixed:
       return options_.fixed_threshold;
   }

@@ -8,6 +8,8 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include "client/frontend/kernels.h"
+
 namespace cairn {
 
 enum class EntropyVariant {
@@ -16,8 +18,9 @@ enum class EntropyVariant {
                // log2(pixels) bits. Ordinary blocks all lie near the upper end.
 };
 
-// Entropy of the whole of `block` (CV_8UC1, at most 2^20 pixels) in bits.
-double entropy(const cv::Mat& block, EntropyVariant variant);
+// Entropy of the whole of `block` (CV_8UC1, at most 65535 columns) in bits.
+double entropy(const cv::Mat& block, EntropyVariant variant,
+               const Kernels& kernels = best_kernels());
 
 // How an image is cut into blocks: as many of about `block` pixels a side as fit, of equal size but
 // for rounding, so that no slivers remain at the borders whose entropy would be low for lack of
@@ -37,7 +40,7 @@ class BlockGrid {
 
 // Appends the entropy of every block of `image`, in the order of `grid`.
 void append_block_entropies(const cv::Mat& image, const BlockGrid& grid, EntropyVariant variant,
-                            std::vector<float>& entropies);
+                            std::vector<float>& entropies, const Kernels& kernels = best_kernels());
 
 enum class EntropyMode {
   kOff,         // nothing is sharpened: plain ORB
@@ -53,9 +56,14 @@ struct EntropyOptions {
   double delta = 0.3;     // bits
   double scene_mean = 0;  // kCalibrated: H_ave in bits, EntropyThreshold::mean() of a first pass
   double fixed_threshold = 0;  // kFixed: E0 in bits
+  // Least E0 of the modes online and calibrated, in bits. Eq. 12 sets E0 relative to the scene:
+  // where all of it is weakly textured, hardly any block lies below, although such scenes need
+  // sharpening most. 0: eq. 12 as it stands.
+  double min_threshold = 3;
 };
 
-// E0 = H_ave / 2 + delta (eq. 12), H_ave being the mean entropy of the scene's blocks.
+// E0 = H_ave / 2 + delta (eq. 12), H_ave being the mean entropy of the scene's blocks; but not less
+// than a bound of ours.
 class EntropyThreshold {
  public:
   explicit EntropyThreshold(const EntropyOptions& options) : options_(options) {}

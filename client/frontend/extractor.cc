@@ -21,13 +21,13 @@ double share(const ScalePyramid& pyramid, int level) {
 
 }  // namespace
 
-Extractor::Extractor(const ExtractorOptions& options)
+Extractor::Extractor(const ExtractorOptions& options, const Kernels& kernels)
     : options_(options),
-      pyramid_(options.pyramid),
+      kernels_(&kernels),
+      pyramid_(options.pyramid, kernels),
       threshold_(options.entropy),
-      fast_(options.fast),
-      corners_(options.pyramid.levels),
-      chosen_(options.pyramid.levels) {}
+      fast_(options.fast, kernels),
+      describer_(kBriefPattern, kernels) {}
 
 void Extractor::extract(const cv::Mat& gray, Features& out) {
   out.points.clear();
@@ -38,13 +38,20 @@ void Extractor::extract(const cv::Mat& gray, Features& out) {
   const Stopwatch total;
   pyramid_.build(gray);
   stats_.pyramid_ms = total.milliseconds();
-  sharpened_.reshape(pyramid_.sizes());
-  smoothed_.reshape(pyramid_.sizes());
+  sharpened_.create(gray.size(), CV_8UC1);
+  smoothed_.create(gray.size(), CV_8UC1);
   measure_entropy();
-  sharpen_blocks();
-  find_corners();
-  choose_corners();
-  emit(out);
+  double due = 0;
+  int taken = 0;
+  for (int level = 0; level < pyramid_.levels(); ++level) {
+    const cv::Mat image = sharpen_blocks(level);
+    find_corners(image);
+    // What one level cannot fill of its share the coarser ones may use.
+    due += options_.features * share(options_.pyramid, level);
+    choose_corners(level, static_cast<int>(std::lround(due)) - taken);
+    taken += static_cast<int>(chosen_.size());
+    emit(level, image, out);
+  }
   stats_.total_ms = total.milliseconds();
 }
 
@@ -52,95 +59,76 @@ void Extractor::measure_entropy() {
   if (options_.entropy.mode == EntropyMode::kOff) return;
   const Stopwatch watch;
   entropies_.clear();
+  next_entropy_ = 0;
   for (int level = 0; level < pyramid_.levels(); ++level)
     append_block_entropies(pyramid_[level],
                            BlockGrid(pyramid_[level].size(), options_.entropy.block),
-                           options_.entropy.variant, entropies_);
+                           options_.entropy.variant, entropies_, *kernels_);
   stats_.blocks = static_cast<int>(entropies_.size());
   stats_.image_entropy = std::accumulate(entropies_.begin(), entropies_.end(), 0.0) / stats_.blocks;
   stats_.threshold = threshold_.next(stats_.image_entropy);
   stats_.entropy_ms = watch.milliseconds();
 }
 
-void Extractor::sharpen_blocks() {
-  has_sharpened_.assign(static_cast<std::size_t>(pyramid_.levels()), false);
-  if (options_.entropy.mode == EntropyMode::kOff) return;
+// The level with its weak blocks sharpened: the level itself when there is none.
+cv::Mat Extractor::sharpen_blocks(int level) {
+  const cv::Mat& plain = pyramid_[level];
+  if (options_.entropy.mode == EntropyMode::kOff) return plain;
   const Stopwatch watch;
-  std::size_t next = 0;
-  for (int level = 0; level < pyramid_.levels(); ++level) {
-    const BlockGrid grid(pyramid_[level].size(), options_.entropy.block);
-    for (int i = 0; i < grid.size(); ++i) {
-      if (entropies_[next++] >= stats_.threshold) continue;
-      if (!has_sharpened_[static_cast<std::size_t>(level)]) {
-        pyramid_[level].copyTo(sharpened_[level]);
-        has_sharpened_[static_cast<std::size_t>(level)] = true;
-      }
-      sharpen(pyramid_[level], grid.area(i), sharpened_[level]);
-      ++stats_.blocks_sharpened;
+  const BlockGrid grid(plain.size(), options_.entropy.block);
+  cv::Mat image = plain;
+  for (int i = 0; i < grid.size(); ++i) {
+    if (entropies_[next_entropy_++] >= stats_.threshold) continue;
+    if (image.data == plain.data) {
+      image = sharpened_(cv::Rect({}, plain.size()));
+      plain.copyTo(image);
     }
+    sharpen(plain, grid.area(i), image, *kernels_);
+    ++stats_.blocks_sharpened;
   }
-  stats_.sharpen_ms = watch.milliseconds();
+  stats_.sharpen_ms += watch.milliseconds();
+  return image;
 }
 
-const cv::Mat& Extractor::sharpened_or_plain(int level) const {
-  return has_sharpened_[static_cast<std::size_t>(level)] ? sharpened_[level] : pyramid_[level];
-}
-
-void Extractor::find_corners() {
+void Extractor::find_corners(const cv::Mat& image) {
   const Stopwatch watch;
-  for (int level = 0; level < pyramid_.levels(); ++level) {
-    auto& corners = corners_[static_cast<std::size_t>(level)];
-    fast_.detect(sharpened_or_plain(level), kPatchBorder, corners);
-    stats_.corners += static_cast<int>(corners.size());
-  }
-  stats_.fast_ms = watch.milliseconds();
+  fast_.detect(image, kPatchBorder, corners_);
+  stats_.corners += static_cast<int>(corners_.size());
+  stats_.fast_ms += watch.milliseconds();
 }
 
-// What one level cannot fill of its share the coarser ones may use.
-void Extractor::choose_corners() {
+void Extractor::choose_corners(int level, int wanted) {
   const Stopwatch watch;
-  double due = 0;
-  int taken = 0;
-  for (int level = 0; level < pyramid_.levels(); ++level) {
-    due += options_.features * share(options_.pyramid, level);
-    const cv::Size size = pyramid_[level].size();
-    const cv::Rect area(kPatchBorder, kPatchBorder, size.width - 2 * kPatchBorder,
-                        size.height - 2 * kPatchBorder);
-    auto& chosen = chosen_[static_cast<std::size_t>(level)];
-    quadtree_.choose(corners_[static_cast<std::size_t>(level)], area,
-                     static_cast<int>(std::lround(due)) - taken, chosen);
-    taken += static_cast<int>(chosen.size());
-  }
-  stats_.quadtree_ms = watch.milliseconds();
+  const cv::Size size = pyramid_[level].size();
+  const cv::Rect area(kPatchBorder, kPatchBorder, size.width - 2 * kPatchBorder,
+                      size.height - 2 * kPatchBorder);
+  quadtree_.choose(corners_, area, wanted, chosen_);
+  stats_.quadtree_ms += watch.milliseconds();
 }
 
-void Extractor::emit(Features& out) {
-  for (int level = 0; level < pyramid_.levels(); ++level) {
-    const auto& chosen = chosen_[static_cast<std::size_t>(level)];
-    if (chosen.empty()) continue;
-    const cv::Mat& image = sharpened_or_plain(level);
-    const std::size_t first = out.size();
-
-    const Stopwatch orienting;
-    for (const Corner& c : chosen) {
-      const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y));
-      out.points.push_back({.x = full.x,
-                            .y = full.y,
-                            .angle = orientation(image, c.x, c.y),
-                            .octave = static_cast<std::uint8_t>(level)});
-    }
-    stats_.orient_ms += orienting.milliseconds();
-
-    const Stopwatch smoothing;
-    smooth(options_.describe_sharpened ? image : pyramid_[level], smoothed_[level]);
-    stats_.smooth_ms += smoothing.milliseconds();
-
-    const Stopwatch describing;
-    for (std::size_t i = 0; i < chosen.size(); ++i)
-      out.descriptors.push_back(describer_.describe(smoothed_[level], chosen[i].x, chosen[i].y,
-                                                    out.points[first + i].angle));
-    stats_.describe_ms += describing.milliseconds();
+void Extractor::emit(int level, const cv::Mat& image, Features& out) {
+  if (chosen_.empty()) return;
+  const std::size_t first = out.size();
+  const Stopwatch orienting;
+  for (const Corner& c : chosen_) {
+    const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y, *kernels_));
+    out.points.push_back({.x = full.x,
+                          .y = full.y,
+                          .angle = orientation(image, c.x, c.y, *kernels_),
+                          .octave = static_cast<std::uint8_t>(level)});
   }
+  stats_.orient_ms += orienting.milliseconds();
+
+  const Stopwatch smoothing;
+  cv::Mat smoothed = smoothed_(cv::Rect({}, image.size()));
+  smooth(options_.describe_sharpened ? image : pyramid_[level], smoothed, blur_line_, *kernels_);
+  stats_.smooth_ms += smoothing.milliseconds();
+
+  const Stopwatch describing;
+  for (std::size_t i = 0; i < chosen_.size(); ++i)
+    out.descriptors.push_back(
+        describer_.describe(smoothed, chosen_[i].x, chosen_[i].y, out.points[first + i].angle));
+  stats_.describe_ms += describing.milliseconds();
 }
 
 }  // namespace cairn

@@ -13,6 +13,7 @@
 #include "client/frontend/describe.h"
 #include "client/frontend/entropy.h"
 #include "client/frontend/fast.h"
+#include "client/frontend/kernels.h"
 #include "client/frontend/pyramid.h"
 #include "client/frontend/quadtree.h"
 #include "common/model/features.h"
@@ -45,7 +46,8 @@ struct ExtractorStats {
 // allocated once the image size is known.
 class Extractor {
  public:
-  explicit Extractor(const ExtractorOptions& options);
+  // `kernels` are for tests: the features are the same with any.
+  explicit Extractor(const ExtractorOptions& options, const Kernels& kernels = best_kernels());
 
   // Replaces `out` by the features of `gray` (CV_8UC1): positions in pixels of that image, lens
   // distortion included; disparity 0; level by level, the finest first. None when the image is
@@ -60,25 +62,25 @@ class Extractor {
 
  private:
   void measure_entropy();
-  void sharpen_blocks();
-  void find_corners();
-  void choose_corners();
-  void emit(Features& out);
-  const cv::Mat& sharpened_or_plain(int level) const;
+  cv::Mat sharpen_blocks(int level);
+  void find_corners(const cv::Mat& image);
+  void choose_corners(int level, int wanted);
+  void emit(int level, const cv::Mat& image, Features& out);
 
   ExtractorOptions options_;
+  const Kernels* kernels_;
   Pyramid pyramid_;
-  LevelStack sharpened_, smoothed_;
+  cv::Mat sharpened_, smoothed_;  // of the level at hand, in the size of the finest
   EntropyThreshold threshold_;
   FastDetector fast_;
   Quadtree quadtree_;
   Describer describer_;
   ExtractorStats stats_;
 
-  std::vector<float> entropies_;              // of the blocks, level by level
-  std::vector<bool> has_sharpened_;           // per level
-  std::vector<std::vector<Corner>> corners_;  // per level
-  std::vector<std::vector<Corner>> chosen_;   // per level
+  std::vector<float> entropies_;          // of the blocks, level by level
+  std::size_t next_entropy_ = 0;          // of the first block of the level at hand
+  std::vector<Corner> corners_, chosen_;  // of the level at hand
+  std::vector<std::uint16_t> blur_line_;
 };
 
 }  // namespace cairn

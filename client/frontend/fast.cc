@@ -2,53 +2,18 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 
-#include <opencv2/core/hal/intrin.hpp>
-
 namespace cairn {
 namespace {
 
-constexpr int kLanes = 16;           // pixels in a vector
-constexpr std::size_t kCircle = 16;  // pixels
-constexpr std::size_t kArc = 9;      // of them in a row make a corner
+constexpr std::size_t kCircle = 16;  // pixels; nine of them in a row make a corner
 constexpr std::array<int, kCircle> kCircleX = {0, 1,  2,  3,  3,  3,  2,  1,
                                                0, -1, -2, -3, -3, -3, -2, -1};
 constexpr std::array<int, kCircle> kCircleY = {-3, -3, -2, -1, 0, 1,  2,  3,
                                                3,  3,  2,  1,  0, -1, -2, -3};
-
-// Sixteen pixels at a time.
-using Lanes = cv::v_uint8x16;
-using Circle = std::array<Lanes, kCircle>;
-
-// The greatest, over all arcs of the circle, of the least contrast on the arc. The least of 2, 4
-// and 8 pixels in a row by doubling, then of 9.
-Lanes best_arc(const Circle& contrast) {
-  static_assert(kArc == 9);
-  Circle two, four;
-  for (std::size_t i = 0; i < kCircle; ++i)
-    two[i] = cv::v_min(contrast[i], contrast[(i + 1) % kCircle]);
-  for (std::size_t i = 0; i < kCircle; ++i) four[i] = cv::v_min(two[i], two[(i + 2) % kCircle]);
-  Lanes best = cv::v_setzero_u8();
-  for (std::size_t i = 0; i < kCircle; ++i) {
-    const Lanes eight = cv::v_min(four[i], four[(i + 4) % kCircle]);
-    best = cv::v_max(best, cv::v_min(eight, contrast[(i + 8) % kCircle]));
-  }
-  return best;
-}
-
-// Scores of sixteen pixels, given them and the circles around them. Differences stop at 0.
-Lanes scores(const Lanes& centre, const Circle& around) {
-  Circle brighter, darker;
-  for (std::size_t i = 0; i < kCircle; ++i) {
-    brighter[i] = around[i] - centre;
-    darker[i] = centre - around[i];
-  }
-  return cv::v_max(best_arc(brighter), best_arc(darker));
-}
 
 using Offsets = std::array<std::ptrdiff_t, kCircle>;
 Offsets circle_offsets(const cv::Mat& image) {
@@ -58,59 +23,37 @@ Offsets circle_offsets(const cv::Mat& image) {
   return offsets;
 }
 
-Lanes scores_16(const std::uint8_t* first, const Offsets& offsets) {
-  Circle around;
-  for (std::size_t i = 0; i < kCircle; ++i) around[i] = cv::v_load(first + offsets[i]);
-  return scores(cv::v_load(first), around);
-}
-
-// False for most pixels: an arc of nine holds two neighbours of any four that lie a quarter circle
-// apart, so both pairs of opposites must have one that stands out, on the same side.
-bool may_be_corner(const std::uint8_t* first, const Offsets& offsets, const Lanes& limit) {
-  const Lanes centre = cv::v_load(first);
-  Lanes possible = cv::v_setall_u8(255);
-  for (const std::size_t start : {0u, 2u}) {
-    const Lanes a = cv::v_load(first + offsets[start]), b = cv::v_load(first + offsets[start + 4]);
-    const Lanes c = cv::v_load(first + offsets[start + 8]);
-    const Lanes d = cv::v_load(first + offsets[start + 12]);
-    const Lanes brighter =
-        cv::v_min(cv::v_max(a - centre, c - centre), cv::v_max(b - centre, d - centre));
-    const Lanes darker =
-        cv::v_min(cv::v_max(centre - a, centre - c), cv::v_max(centre - b, centre - d));
-    possible = cv::v_min(possible, cv::v_max(brighter, darker));
-    if (!cv::v_check_any(possible > limit)) return false;
-  }
-  return true;
-}
+constexpr int kSide = 4;  // of the square of pixels that fast_scores_16 takes
 
 // Four rows of four pixels; the first pixel is at `from`.
-Lanes load_4x4(const std::uint8_t* from, std::ptrdiff_t stride) {
-  alignas(16) std::uint8_t pixels[16];
-  for (std::ptrdiff_t r = 0; r < 4; ++r) std::memcpy(pixels + 4 * r, from + r * stride, 4);
-  return cv::v_load_aligned(pixels);
+void load_square(const std::uint8_t* from, std::ptrdiff_t stride, std::uint8_t* pixels) {
+  for (std::ptrdiff_t r = 0; r < kSide; ++r)
+    std::memcpy(pixels + kSide * r, from + r * stride, kSide);
 }
 
 // Scores of the 4 x 4 pixels from `first` on.
-Lanes scores_4x4(const std::uint8_t* first, std::ptrdiff_t stride) {
-  Circle around;
+void score_square(const std::uint8_t* first, std::ptrdiff_t stride, const Kernels& kernels,
+                  std::uint8_t* out) {
+  alignas(16) std::uint8_t around[kCircle][16], centre[16];
   for (std::size_t i = 0; i < kCircle; ++i)
-    around[i] = load_4x4(first + kCircleY[i] * stride + kCircleX[i], stride);
-  return scores(load_4x4(first, stride), around);
+    load_square(first + kCircleY[i] * stride + kCircleX[i], stride, around[i]);
+  load_square(first, stride, centre);
+  kernels.fast_scores_16(around, centre, out);
 }
 
 }  // namespace
 
 int fast_score(const cv::Mat& image, int x, int y) {
-  Circle around;
-  for (std::size_t i = 0; i < kCircle; ++i)
-    around[i] = cv::v_setall_u8(image.at<std::uint8_t>(y + kCircleY[i], x + kCircleX[i]));
-  return scores(cv::v_setall_u8(image.at<std::uint8_t>(y, x)), around).get0();
+  const Offsets offsets = circle_offsets(image);
+  std::uint8_t score = 0;
+  baseline_kernels().fast_scores(image.ptr<std::uint8_t>(y) + x, 1, offsets.data(), 0, &score);
+  return score;
 }
 
-cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y) {
+cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y, const Kernels& kernels) {
   alignas(16) std::uint8_t score[16];
-  cv::v_store_aligned(score, scores_4x4(image.ptr<std::uint8_t>(y - 1) + x - 1,
-                                        static_cast<std::ptrdiff_t>(image.step)));
+  score_square(image.ptr<std::uint8_t>(y - 1) + x - 1, static_cast<std::ptrdiff_t>(image.step),
+               kernels, score);
   float s[3][3];
   for (int v = 0; v < 3; ++v)
     for (int u = 0; u < 3; ++u) s[v][u] = score[4 * v + u];
@@ -130,61 +73,33 @@ cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y) {
                           std::clamp((hxy * gx - hxx * gy) / determinant, -0.5f, 0.5f));
 }
 
-// Scores of the corners with a contrast above `threshold` into scores_, 0 elsewhere. scores_ has a
-// margin of one pixel around `area`.
-void FastDetector::score(const cv::Mat& level, const cv::Rect& area, int threshold) {
-  stride_ = static_cast<std::size_t>(area.width) + 2 + kLanes;  // whole vectors may be read
-  scores_.assign(stride_ * static_cast<std::size_t>(area.height + 2), 0);
-  const auto offsets = circle_offsets(level);
-  const Lanes limit = cv::v_setall_u8(static_cast<std::uint8_t>(threshold));
-  for (int y = 0; y < area.height; ++y) {
-    const std::uint8_t* row = level.ptr<std::uint8_t>(area.y + y) + area.x;
-    std::uint8_t* out = &scores_[stride_ * static_cast<std::size_t>(y + 1) + 1];
-    int x = 0;
-    for (; x < area.width; x += kLanes) {
-      // The last vector overlaps the one before: nothing outside the area is touched.
-      if (x + kLanes > area.width) x = area.width - kLanes;
-      if (x < 0) break;
-      if (!may_be_corner(row + x, offsets, limit)) continue;
-      const Lanes s = scores_16(row + x, offsets);
-      cv::v_store(out + x, s & (s > limit));
-    }
-    if (area.width >= kLanes) continue;
-    for (x = 0; x < area.width; ++x) {
-      const int s = fast_score(level, area.x + x, area.y + y);
-      out[x] = static_cast<std::uint8_t>(s > threshold ? s : 0);
-    }
-  }
-}
-
-// Appends the corners in scores_ that no neighbour exceeds. Of equal neighbours the last remains.
-void FastDetector::collect(const cv::Rect& area, std::vector<Corner>& corners) const {
-  for (int y = 0; y < area.height; ++y) {
-    const std::uint8_t* row = &scores_[stride_ * static_cast<std::size_t>(y + 1) + 1];
-    const std::uint8_t *above = row - stride_, *below = row + stride_;
-    for (int x = 0; x < area.width; x += kLanes) {
-      const Lanes s = cv::v_load(row + x);
-      if (!cv::v_check_any(s > cv::v_setzero_u8())) continue;
-      const Lanes before = cv::v_max(cv::v_max(cv::v_load(above + x - 1), cv::v_load(above + x)),
-                                     cv::v_max(cv::v_load(above + x + 1), cv::v_load(row + x - 1)));
-      const Lanes after = cv::v_max(cv::v_max(cv::v_load(row + x + 1), cv::v_load(below + x - 1)),
-                                    cv::v_max(cv::v_load(below + x), cv::v_load(below + x + 1)));
-      const Lanes peak = (s > after) & (s >= before);
-      auto bits = static_cast<std::uint32_t>(cv::v_signmask(cv::v_reinterpret_as_s8(peak)));
-      for (; bits != 0; bits &= bits - 1) {
-        const int i = x + std::countr_zero(bits);
-        if (i < area.width)
-          corners.push_back({static_cast<std::int16_t>(area.x + i),
-                             static_cast<std::int16_t>(area.y + y), row[i]});
-      }
-    }
-  }
-}
-
+// A row is searched for peaks as soon as the next one has its scores, so that scores stay in the
+// nearest cache. They have a margin of one pixel around `area`.
 void FastDetector::append(const cv::Mat& level, const cv::Rect& area, int threshold,
                           std::vector<Corner>& corners) {
-  score(level, area, threshold);
-  collect(area, corners);
+  const std::size_t stride = static_cast<std::size_t>(area.width) + 1 + kFastSpare;
+  scores_.assign(3 * stride, 0);
+  peaks_.resize(static_cast<std::size_t>(area.width));
+  const auto scores_of = [&](int y) {
+    return &scores_[static_cast<std::size_t>((y + 3) % 3) * stride + 1];
+  };
+  const auto circle = circle_offsets(level);
+  for (int y = 0; y <= area.height; ++y) {
+    std::uint8_t* const row = scores_of(y);
+    std::memset(row, 0, static_cast<std::size_t>(area.width));
+    if (y < area.height)
+      kernels_->fast_scores(level.ptr<std::uint8_t>(area.y + y) + area.x, area.width, circle.data(),
+                            static_cast<std::uint8_t>(threshold), row);
+    if (y == 0) continue;
+    const std::uint8_t* const before = scores_of(y - 1);
+    const int found =
+        kernels_->fast_peaks(scores_of(y - 2), before, row, area.width, peaks_.data());
+    for (int i = 0; i < found; ++i) {
+      const std::uint16_t x = peaks_[static_cast<std::size_t>(i)];
+      corners.push_back({static_cast<std::int16_t>(area.x + x),
+                         static_cast<std::int16_t>(area.y + y - 1), before[x]});
+    }
+  }
 }
 
 void FastDetector::detect(const cv::Mat& level, int border, std::vector<Corner>& corners) {

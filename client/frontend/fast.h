@@ -12,6 +12,7 @@
 #include <opencv2/core/types.hpp>
 
 #include "client/frontend/corner.h"
+#include "client/frontend/kernels.h"
 
 namespace cairn {
 
@@ -22,7 +23,7 @@ struct FastOptions {
 };
 
 // The highest threshold at which (x, y) is a corner: the contrast with the centre that nine
-// neighbouring pixels of the circle exceed. May be negative: no corner at any threshold. (x, y)
+// neighbouring pixels of the circle exceed; 0 where there is no such. (x, y)
 // keeps 3 pixels from the edges of `image` (CV_8UC1).
 int fast_score(const cv::Mat& image, int x, int y);
 
@@ -30,26 +31,27 @@ int fast_score(const cv::Mat& image, int x, int y);
 // the 3 x 3 pixels around (least squares), less than half a pixel away along each axis. Lowers the
 // distance between corresponding corners of warped photographs from 0.73 to 0.51 pixels
 // (tests/bench/descriptor_report.cc). (x, y) keeps 5 pixels from the edges.
-cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y);
+cv::Point2f subpixel_corner(const cv::Mat& image, int x, int y,
+                            const Kernels& kernels = best_kernels());
 
 // Used from one thread; keeps scratch memory between calls.
 class FastDetector {
  public:
-  explicit FastDetector(const FastOptions& options) : options_(options) {}
+  explicit FastDetector(const FastOptions& options, const Kernels& kernels = best_kernels())
+      : options_(options), kernels_(&kernels) {}
 
   // Replaces `corners` by those of `level` (CV_8UC1) that keep `border` pixels (at least 3) from
   // the edges: the strong ones row by row, then the weak ones cell by cell.
   void detect(const cv::Mat& level, int border, std::vector<Corner>& corners);
 
  private:
-  void score(const cv::Mat& level, const cv::Rect& area, int threshold);
-  void collect(const cv::Rect& area, std::vector<Corner>& corners) const;
   void append(const cv::Mat& level, const cv::Rect& area, int threshold,
               std::vector<Corner>& corners);
 
   FastOptions options_;
-  std::vector<std::uint8_t> scores_;    // of the area being searched
-  std::size_t stride_ = 0;              // of scores_
+  const Kernels* kernels_;
+  std::vector<std::uint8_t> scores_;    // of three rows of the area being searched
+  std::vector<std::uint16_t> peaks_;    // of one row
   std::vector<std::uint8_t> occupied_;  // per cell
 };
 

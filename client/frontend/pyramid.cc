@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <opencv2/imgproc.hpp>
-
 namespace cairn {
 namespace {
 
@@ -43,13 +41,16 @@ void Pyramid::reshape(cv::Size full) {
                          static_cast<float>(full.height) / static_cast<float>(sizes.back().height));
   }
   images_.reshape(sizes);
+  maps_.clear();
+  for (std::size_t level = 1; level < sizes.size(); ++level)
+    maps_.emplace_back(sizes[level - 1], sizes[level]);
 }
 
 void Pyramid::build(const cv::Mat& gray) {
   reshape(gray.size());
   gray.copyTo(images_[0]);
   for (int level = 1; level < levels(); ++level)
-    cv::resize(images_[level - 1], images_[level], images_[level].size(), 0, 0, cv::INTER_LINEAR);
+    maps_[static_cast<std::size_t>(level - 1)].apply(images_[level - 1], images_[level], *kernels_);
 }
 
 cv::Point2f Pyramid::to_full(int level, cv::Point2f p) const {

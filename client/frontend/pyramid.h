@@ -5,6 +5,7 @@
 
 #include <opencv2/core/mat.hpp>
 
+#include "client/frontend/resize.h"
 #include "common/model/features.h"
 
 namespace cairn {
@@ -28,7 +29,8 @@ class LevelStack {
 // Pyramid of one image; level 0 is a copy of it. Used from one thread.
 class Pyramid {
  public:
-  explicit Pyramid(const ScalePyramid& shape) : shape_(shape) {}
+  explicit Pyramid(const ScalePyramid& shape, const Kernels& kernels = best_kernels())
+      : shape_(shape), kernels_(&kernels) {}
 
   // `gray` is CV_8UC1. Each level is made from the one below it by bilinear interpolation.
   void build(const cv::Mat& gray);
@@ -48,6 +50,8 @@ class Pyramid {
   void reshape(cv::Size full);
 
   ScalePyramid shape_;
+  const Kernels* kernels_;
+  std::vector<ResizeMap> maps_;  // maps_[l]: from level l to l + 1
   LevelStack images_;
   std::vector<cv::Point2f> scales_;  // full resolution / level, along x and y
 };

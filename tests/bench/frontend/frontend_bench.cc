@@ -199,7 +199,7 @@ void blur(benchmark::State& state) {
 BENCHMARK(blur)->Unit(benchmark::kMicrosecond);
 
 void describe_one(benchmark::State& state) {
-  const Describer describer;
+  Describer describer;
   float angle = 0;
   for (auto _ : state) {
     benchmark::DoNotOptimize(describer.describe(g_image, 300, 200, angle));

@@ -75,7 +75,7 @@ TEST(BlockGrid, GivesEntropiesInItsOrder) {
 }
 
 TEST(EntropyThreshold, IsHalfTheRunningMeanAndDeltaWhenOnline) {
-  EntropyThreshold threshold({.mode = EntropyMode::kOnline, .delta = 0.3});
+  EntropyThreshold threshold({.mode = EntropyMode::kOnline, .delta = 0.3, .min_threshold = 0});
   EXPECT_DOUBLE_EQ(threshold.next(6.0), 3.3);
   EXPECT_DOUBLE_EQ(threshold.next(4.0), 2.8);  // mean 5
   EXPECT_DOUBLE_EQ(threshold.next(2.0), 2.3);  // mean 4
@@ -83,9 +83,25 @@ TEST(EntropyThreshold, IsHalfTheRunningMeanAndDeltaWhenOnline) {
 }
 
 TEST(EntropyThreshold, StaysAtTheFirstPassWhenCalibrated) {
-  EntropyThreshold threshold({.mode = EntropyMode::kCalibrated, .delta = 0.3, .scene_mean = 5});
+  EntropyThreshold threshold(
+      {.mode = EntropyMode::kCalibrated, .delta = 0.3, .scene_mean = 5, .min_threshold = 0});
   EXPECT_DOUBLE_EQ(threshold.next(8), 2.8);
   EXPECT_DOUBLE_EQ(threshold.next(1), 2.8);
+}
+
+TEST(EntropyThreshold, HasALowerBoundForScenesThatAreWeaklyTexturedAllOver) {
+  EntropyThreshold online({.mode = EntropyMode::kOnline, .min_threshold = 3});
+  EXPECT_DOUBLE_EQ(online.next(2.0), 3.0);  // eq. 12 alone: 1.3
+  EXPECT_DOUBLE_EQ(online.next(8.0), 3.0);  // mean 5: 2.8
+  EXPECT_DOUBLE_EQ(online.next(8.0), 3.3);  // mean 6
+  EntropyThreshold calibrated(
+      {.mode = EntropyMode::kCalibrated, .scene_mean = 2, .min_threshold = 3});
+  EXPECT_DOUBLE_EQ(calibrated.next(8), 3.0);
+  EXPECT_EQ(EntropyThreshold({.mode = EntropyMode::kOff, .min_threshold = 3}).next(2), 0);
+  EXPECT_EQ(
+      EntropyThreshold({.mode = EntropyMode::kFixed, .fixed_threshold = 2, .min_threshold = 3})
+          .next(2),
+      2);
 }
 
 TEST(EntropyThreshold, IsAsGivenWhenFixedAndNothingWhenOff) {

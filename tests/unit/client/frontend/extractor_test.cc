@@ -112,7 +112,7 @@ TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
   for (int y = 0; y < 480; ++y)
     for (int x = 320; x < 640; ++x)
       image.at<uchar>(y, x) = static_cast<uchar>((x / 9 + y / 9) % 2 ? 120 : 126);
-  Extractor online({});
+  Extractor online({.entropy = {.min_threshold = 0}});
   Features sharpened;
   online.extract(image, sharpened);
   EXPECT_GT(online.stats().blocks_sharpened, online.stats().blocks / 3);
