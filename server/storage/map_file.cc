@@ -14,7 +14,7 @@ using sqlite::Statement;
 // Stands in the file's header and tells Cairn's files from those of other programs.
 constexpr std::int64_t kApplicationId = 0x4361724e;  // "CarN"
 // Grows with every change of the tables or of what is in their blobs.
-constexpr std::int64_t kSchemaVersion = 2;
+constexpr std::int64_t kSchemaVersion = 3;
 
 constexpr const char* kSchema = R"sql(
   CREATE TABLE clients(name TEXT NOT NULL, epoch INTEGER NOT NULL, next_sequence INTEGER NOT NULL,
@@ -34,8 +34,17 @@ constexpr const char* kSchema = R"sql(
                                   PRIMARY KEY(origin, number)) WITHOUT ROWID;
   CREATE TABLE removed_keyframes(origin INTEGER, number INTEGER, data BLOB NOT NULL,
                                  PRIMARY KEY(origin, number)) WITHOUT ROWID;
+  -- Loops closed and parts merged, counted from 1.
+  CREATE TABLE loops(event INTEGER PRIMARY KEY, data BLOB NOT NULL);
   -- Keyframes 0 .. count-1 of a client run have been through local mapping.
   CREATE TABLE mapped_keyframes(epoch INTEGER PRIMARY KEY, count INTEGER NOT NULL);
+  -- The estimate as it was before an event, and the keyframes whose blobs it needs.
+  CREATE TABLE checkpoints(event INTEGER PRIMARY KEY, map INTEGER NOT NULL, data BLOB NOT NULL);
+  CREATE TABLE checkpoint_keyframes(epoch INTEGER, sequence INTEGER, event INTEGER,
+                                    PRIMARY KEY(epoch, sequence, event)) WITHOUT ROWID;
+  CREATE TRIGGER forget_checkpoint AFTER DELETE ON checkpoints BEGIN
+    DELETE FROM checkpoint_keyframes WHERE event = OLD.event;
+  END;
 )sql";
 
 Status create_schema(Database& database) {
@@ -91,11 +100,11 @@ Status open_database(Database& database, const std::string& path, MapFile::Mode 
   return is_new ? create_schema(database) : Status{};
 }
 
-Status refuse_writing() {
+}  // namespace
+
+Status storage::refuse_writing() {
   return {ErrorCode::kInvalidArgument, "map file opened for reading only"};
 }
-
-}  // namespace
 
 MapFile::MapFile(std::unique_ptr<Parts> parts) : parts_(std::move(parts)) {}
 
@@ -135,7 +144,7 @@ Result<std::unique_ptr<MapFile>> MapFile::open(const std::filesystem::path& path
 
 Status MapFile::append(const ClientId& client, KeyframeId id, std::span<const std::uint8_t> blob) {
   Parts& p = *parts_;
-  if (p.mode == Mode::kReadOnly) return refuse_writing();
+  if (p.mode == Mode::kReadOnly) return storage::refuse_writing();
   const std::lock_guard lock(p.mutex);
   if (p.in_memory) {
     std::uint32_t& next = p.next_sequence[client];

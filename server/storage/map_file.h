@@ -8,13 +8,18 @@
 // Durability: write-ahead log with synchronous=NORMAL. What append() has confirmed survives the
 // death of the process (kill -9); only a crash of the whole machine can take the last moments.
 //
+// Before a loop is closed or a part merged, the estimate as it is can be kept as a checkpoint, so
+// that a wrong one can be undone. The journal holds what came since: after restore() those
+// keyframes are pending again. (Of what came since, keyframes culled as redundant are gone.)
+//
 // The file is held by one process at a time. Blobs of culled keyframes are dropped at the next
-// save, so the file grows with the place and not with the time spent in it.
+// save, but for those that a checkpoint needs, so the file grows with the place and not with the
+// time spent in it.
 //
 // Without a path nothing is stored: sequences are counted in memory and all else is forgotten.
 //
-// Threads: all members are safe from any thread. save_map() compares and encodes outside the lock;
-// append() waits for it only while the changed rows are written.
+// Threads: all members are safe from any thread. save_map() and save_checkpoint() compare and
+// encode outside the lock; append() waits for them only while rows are written.
 #pragma once
 
 #include <filesystem>
@@ -33,6 +38,12 @@ struct SaveSummary {
   std::size_t keyframes = 0, landmarks = 0;  // written because new or changed
   std::size_t dropped_blobs = 0;             // of culled keyframes
   double milliseconds = 0, locked_ms = 0;    // all in all, and of that with append() waiting
+};
+
+struct CheckpointSummary {
+  std::size_t event = 0;                   // that it goes back to before
+  std::size_t bytes = 0;                   // kept, besides blobs of keyframes
+  double milliseconds = 0, locked_ms = 0;  // as above
 };
 
 class MapFile final : public Journal {
@@ -55,6 +66,22 @@ class MapFile final : public Journal {
   // Replaces the saved map, in one transaction: after a failure or a crash the file holds the map
   // that was saved before. Keyframes that were never journaled are stored too.
   Result<SaveSummary> save_map(const Map& map);
+  // How many of the latest events can be undone, unless told otherwise.
+  static constexpr std::size_t kCheckpoints = 3;
+  // Keeps what it takes to go back to `before`, the map as it was before its next event: number
+  // before.loops.size() + 1, counted from 1. In one transaction. Call it when that event has been
+  // applied, with a snapshot from just before; what arrived in between will be pending. Replaces
+  // what was kept for this event or later ones; all but the last `keep` are dropped.
+  Result<CheckpointSummary> save_checkpoint(const Map& before, std::size_t keep = kCheckpoints);
+  // The events, ascending, that there is a checkpoint for.
+  Result<std::vector<std::size_t>> checkpoints();
+  // The map as it was before the event. kNotFound: nothing is kept for it. kCorrupt: damaged.
+  Result<Map> load_checkpoint(std::size_t event);
+  // Makes load_checkpoint(event) the saved map, in one transaction; the event and what came after
+  // it are gone. For a file that no server goes on with: a running one would save its map again.
+  // Errors as above, and kNotFound when the saved map has no such event; the file stays as it was.
+  Status restore(std::size_t event);
+
   // Nothing when none has been saved yet. The map equals the saved one.
   Result<std::optional<Map>> load_map();
   // Journaled but neither in the saved map nor culled from it, in order of their arrival. Those
@@ -63,9 +90,13 @@ class MapFile final : public Journal {
   // All client runs that ever delivered keyframes, ascending.
   Result<std::vector<ClientId>> clients();
 
+  struct Parts;  // private to server/storage
+
  private:
-  struct Parts;
   explicit MapFile(std::unique_ptr<Parts> parts);
+  // Saves, and drops the checkpoints from event `undone` on. With the save mutex taken.
+  Result<SaveSummary> replace_map(const Map& map, std::optional<std::size_t> undone);
+
   std::unique_ptr<Parts> parts_;
 };
 

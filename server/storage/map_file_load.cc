@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "common/wire/bytes.h"
 #include "server/storage/map_codec.h"
+#include "server/storage/map_connect.h"
 #include "server/storage/map_file_parts.h"
 
 namespace cairn {
@@ -12,17 +12,13 @@ namespace {
 
 using sqlite::Database;
 using sqlite::Statement;
+using storage::corrupt;
 
 KeyframeId keyframe_at(const Statement& row) {
   return {row.unsigned_integer(0), static_cast<std::uint32_t>(row.integer(1))};
 }
 LandmarkId landmark_at(const Statement& row) {
   return {row.unsigned_integer(0), row.unsigned_integer(1)};
-}
-
-Error corrupt(const std::string& what) {
-  return {ErrorCode::kCorrupt,
-          "the map file is damaged: " + what + "; restore a copy or name another file"};
 }
 
 // Calls `read(statement)` for each row until it returns an error.
@@ -35,25 +31,17 @@ Status for_each_row(Database& database, std::string_view sql, Read&& read) {
   return row ? Status{} : Status(row.error());
 }
 
-Result<wire::DecodedKeyframe> decode(std::span<const std::uint8_t> blob, KeyframeId id) {
-  auto decoded = wire::decode_keyframe(blob);
-  if (!decoded || decoded->keyframe->id != id)
-    return corrupt(fmt::format("keyframe {:x}:{} is unreadable{}{}", id.epoch, id.sequence,
-                               decoded ? "" : ", ", decoded ? "" : decoded.message()));
-  return decoded;
-}
-
 Status load_keyframes(Database& database, Map& map) {
   return for_each_row(database,
                       "SELECT origin, number, data, blob FROM nodes"
                       " LEFT JOIN keyframes ON epoch = origin AND sequence = number",
                       [&](const Statement& row) -> Status {
                         const KeyframeId id = keyframe_at(row);
-                        const auto decoded = decode(row.blob(3), id);
+                        const auto decoded = storage::decode_keyframe(row.blob(3), id);
                         if (!decoded) return decoded.error();
                         KeyframeNode node;
                         node.keyframe = decoded->keyframe;
-                        if (!storage::decode_node(row.blob(2), node))
+                        if (!storage::decode(row.blob(2), node))
                           return corrupt("a pose is unreadable");
                         map.keyframes.insert(id, std::move(node));
                         return {};
@@ -65,7 +53,7 @@ Status load_landmarks(Database& database, Map& map) {
                       [&](const Statement& row) -> Status {
                         Landmark landmark;
                         landmark.id = landmark_at(row);
-                        if (!storage::decode_landmark(row.blob(2), landmark))
+                        if (!storage::decode(row.blob(2), landmark))
                           return corrupt("a landmark is unreadable");
                         const LandmarkId id = landmark.id;
                         map.landmarks.insert(id, std::move(landmark));
@@ -77,7 +65,7 @@ Status load_history(Database& database, Map& map) {
   Status status = for_each_row(database, "SELECT origin, number, data FROM replaced_landmarks",
                                [&](const Statement& row) -> Status {
                                  FormerLandmark former;
-                                 if (!storage::decode_former(row.blob(2), former))
+                                 if (!storage::decode(row.blob(2), former))
                                    return corrupt("a replaced landmark is unreadable");
                                  map.replaced_landmarks.insert(landmark_at(row), former);
                                  return {};
@@ -86,7 +74,7 @@ Status load_history(Database& database, Map& map) {
   return for_each_row(database, "SELECT origin, number, data FROM removed_keyframes",
                       [&](const Statement& row) -> Status {
                         FormerKeyframe former;
-                        if (!storage::decode_former(row.blob(2), former))
+                        if (!storage::decode(row.blob(2), former))
                           return corrupt("a culled keyframe is unreadable");
                         map.removed_keyframes.insert(keyframe_at(row), former);
                         return {};
@@ -98,6 +86,15 @@ Status load_mapped(Database& database, Map& map) {
                       [&](const Statement& row) -> Status {
                         map.mapped_keyframes.insert(row.unsigned_integer(0),
                                                     static_cast<std::uint32_t>(row.integer(1)));
+                        return {};
+                      });
+}
+
+Status load_loops(Database& database, Map& map) {
+  return for_each_row(database, "SELECT data FROM loops ORDER BY event",
+                      [&](const Statement& row) -> Status {
+                        if (!storage::decode(row.blob(0), map.loops.emplace_back()))
+                          return corrupt("a closed loop is unreadable");
                         return {};
                       });
 }
@@ -117,6 +114,19 @@ Result<bool> load_header(Database& database, Map& map) {
 
 }  // namespace
 
+Error storage::corrupt(const std::string& what) {
+  return {ErrorCode::kCorrupt,
+          "the map file is damaged: " + what + "; restore a copy or name another file"};
+}
+
+Result<wire::DecodedKeyframe> storage::decode_keyframe(Bytes blob, KeyframeId id) {
+  auto decoded = wire::decode_keyframe(blob);
+  if (!decoded || decoded->keyframe->id != id)
+    return corrupt(fmt::format("keyframe {:x}:{} is unreadable{}{}", id.epoch, id.sequence,
+                               decoded ? "" : ", ", decoded ? "" : decoded.message()));
+  return decoded;
+}
+
 Result<std::optional<Map>> MapFile::load_map() {
   Parts& p = *parts_;
   if (p.in_memory) return std::optional<Map>();
@@ -129,6 +139,7 @@ Result<std::optional<Map>> MapFile::load_map() {
   Status status = load_keyframes(p.database, map);
   if (status) status = load_landmarks(p.database, map);
   if (status) status = load_history(p.database, map);
+  if (status) status = load_loops(p.database, map);
   if (status) status = load_mapped(p.database, map);
   if (status) status = storage::connect(map);
   if (!status) return status.error();
@@ -149,7 +160,7 @@ Result<std::vector<wire::DecodedKeyframe>> MapFile::pending_keyframes() {
       " AND sequence >= ifnull((SELECT count FROM mapped_keyframes m WHERE m.epoch = k.epoch), 0)"
       " ORDER BY arrival",
       [&](const Statement& row) -> Status {
-        auto decoded = decode(row.blob(2), keyframe_at(row));
+        auto decoded = storage::decode_keyframe(row.blob(2), keyframe_at(row));
         if (!decoded) return decoded.error();
         pending.push_back(std::move(*decoded));
         return {};

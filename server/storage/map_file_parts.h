@@ -26,4 +26,18 @@ struct MapFile::Parts {
   std::optional<Map> saved;
 };
 
+namespace storage {
+
+Status refuse_writing();
+// What is wrong with the file, and what to do.
+Error corrupt(const std::string& what);
+// A keyframe of the journal; kCorrupt when it is unreadable or another one.
+Result<wire::DecodedKeyframe> decode_keyframe(std::span<const std::uint8_t> blob, KeyframeId id);
+// Stores the blobs of those keyframes of the map that did not come through append(), or came and
+// were dropped since. Within a transaction.
+Status store_missing_blobs(MapFile::Parts& parts, const std::vector<KeyframeId>& ids,
+                           const Map& map);
+
+}  // namespace storage
+
 }  // namespace cairn

@@ -1,9 +1,9 @@
 // Writing the estimate.
 #include <algorithm>
+#include <limits>
 #include <unordered_map>
 
 #include "common/util/clock.h"
-#include "common/wire/bytes.h"
 #include "server/storage/map_codec.h"
 #include "server/storage/map_file_parts.h"
 
@@ -31,12 +31,11 @@ struct Changes {
 };
 
 // Parts that both maps share have one address and need no writing.
-template <typename Key, typename Value, typename Encode>
-Changes compare(const CowTable<Key, Value>& saved, const CowTable<Key, Value>& now,
-                Encode&& encode) {
+template <typename Key, typename Value>
+Changes compare(const CowTable<Key, Value>& saved, const CowTable<Key, Value>& now) {
   Changes changes;
   now.for_each([&](const Key& key, const Value& value) {
-    if (saved.find(key) != &value) changes.written.push_back(row_of(key, encode(value)));
+    if (saved.find(key) != &value) changes.written.push_back(row_of(key, storage::encode(value)));
   });
   saved.for_each([&](const Key& key, const Value&) {
     if (!now.contains(key)) changes.erased.push_back(row_of(key, {}));
@@ -55,12 +54,9 @@ struct Difference {
 };
 
 Difference compare_maps(const Map& saved, const Map& now) {
-  return {compare(saved.keyframes, now.keyframes, storage::encode_node),
-          compare(saved.landmarks, now.landmarks, storage::encode_landmark),
-          compare(saved.replaced_landmarks, now.replaced_landmarks,
-                  [](const FormerLandmark& former) { return storage::encode_former(former); }),
-          compare(saved.removed_keyframes, now.removed_keyframes,
-                  [](const FormerKeyframe& former) { return storage::encode_former(former); })};
+  return {compare(saved.keyframes, now.keyframes), compare(saved.landmarks, now.landmarks),
+          compare(saved.replaced_landmarks, now.replaced_landmarks),
+          compare(saved.removed_keyframes, now.removed_keyframes)};
 }
 
 Status write_changes(Database& database, const std::string& table, const Changes& changes) {
@@ -90,7 +86,8 @@ Status write_header(Database& database, const Map& map) {
 Status clear_estimate(Database& database) {
   return database.execute(
       "DELETE FROM nodes; DELETE FROM landmarks; DELETE FROM replaced_landmarks;"
-      "DELETE FROM removed_keyframes; DELETE FROM mapped_keyframes; DELETE FROM map;");
+      "DELETE FROM removed_keyframes; DELETE FROM mapped_keyframes; DELETE FROM map;"
+      "DELETE FROM loops;");
 }
 
 Status write_mapped(Database& database, const Map& map) {
@@ -103,11 +100,35 @@ Status write_mapped(Database& database, const Map& map) {
   return status;
 }
 
+Status write_loops(Database& database, const Map& map) {
+  if (Status status = database.execute("DELETE FROM loops"); !status) return status;
+  Statement write(database, "INSERT INTO loops VALUES(?, ?)");
+  for (std::size_t i = 0; i < map.loops.size(); ++i) {
+    const Blob data = storage::encode(map.loops[i]);
+    write.bind(1, std::uint64_t{i + 1}).bind(2, data);
+    if (Status status = write.run(); !status) return status;
+  }
+  return {};
+}
+
+// Checkpoints of a map that the file held before, and those of events that are undone.
+Status drop_void_checkpoints(Database& database, const Map& map,
+                             std::optional<std::size_t> undone) {
+  Statement drop(database, "DELETE FROM checkpoints WHERE map <> ? OR event >= ?");
+  drop.bind(1, map.id.value)
+      .bind(2,
+            undone ? static_cast<std::int64_t>(*undone) : std::numeric_limits<std::int64_t>::max());
+  return drop.run();
+}
+
 // What was mapped and is not there any more has been culled, though the map may have forgotten it.
+// Checkpoints may still need it.
 Status drop_culled_blobs(Database& database, std::size_t& dropped) {
   if (Status status = database.execute(
           "DELETE FROM keyframes WHERE"
           " NOT EXISTS (SELECT 1 FROM nodes WHERE origin = epoch AND number = sequence) AND"
+          " NOT EXISTS (SELECT 1 FROM checkpoint_keyframes c"
+          "  WHERE c.epoch = keyframes.epoch AND c.sequence = keyframes.sequence) AND"
           " (EXISTS (SELECT 1 FROM removed_keyframes WHERE origin = epoch AND number = sequence) OR"
           "  sequence < (SELECT count FROM mapped_keyframes m WHERE m.epoch = keyframes.epoch))");
       !status)
@@ -118,44 +139,49 @@ Status drop_culled_blobs(Database& database, std::size_t& dropped) {
   return {};
 }
 
-// Stores the blobs of keyframes that did not come through append().
-Status store_missing_blobs(Database& database, Statement& insert, const Changes& nodes,
-                           const Map& map) {
-  Statement find(database, "SELECT 1 FROM keyframes WHERE epoch = ? AND sequence = ?");
-  Statement name(database, "SELECT name FROM clients WHERE epoch = ?");
-  for (const Row& row : nodes.written) {
-    find.bind(1, row.origin).bind(2, row.number);
+}  // namespace
+
+Status storage::store_missing_blobs(MapFile::Parts& parts, const std::vector<KeyframeId>& ids,
+                                    const Map& map) {
+  Statement find(parts.database, "SELECT 1 FROM keyframes WHERE epoch = ? AND sequence = ?");
+  Statement name(parts.database, "SELECT name FROM clients WHERE epoch = ?");
+  for (const KeyframeId id : ids) {
+    find.bind(1, id.epoch).bind(2, id.sequence);
     const Result<bool> stored = find.step();
     if (!stored) return stored.error();
     find.reset();
     if (*stored) continue;
-    name.bind(1, row.origin);
+    name.bind(1, id.epoch);
     const Result<bool> known = name.step();
     if (!known) return known.error();
     const std::string client = *known ? name.text(0) : "unknown";
     name.reset();
-    const KeyframeId id{row.origin, static_cast<std::uint32_t>(row.number)};
     const auto blob = wire::encode_keyframe(client, *map.keyframes.at(id).keyframe);
     if (!blob) return blob.error();
-    insert.bind(1, id.epoch).bind(2, id.sequence).bind(3, *blob);
-    if (Status status = insert.run(); !status) return status;
+    parts.insert_keyframe->bind(1, id.epoch).bind(2, id.sequence).bind(3, *blob);
+    if (Status status = parts.insert_keyframe->run(); !status) return status;
   }
   return {};
 }
 
-}  // namespace
-
 Result<SaveSummary> MapFile::save_map(const Map& map) {
   Parts& p = *parts_;
-  if (p.mode == Mode::kReadOnly)
-    return {ErrorCode::kInvalidArgument, "map file opened for reading only"};
+  if (p.mode == Mode::kReadOnly) return storage::refuse_writing().error();
   if (p.in_memory) return SaveSummary{};
   const std::lock_guard saving(p.save_mutex);
+  return replace_map(map, std::nullopt);
+}
+
+Result<SaveSummary> MapFile::replace_map(const Map& map, std::optional<std::size_t> undone) {
+  Parts& p = *parts_;
   const Stopwatch watch;
   const bool from_scratch = !p.saved;
   const Difference difference = compare_maps(from_scratch ? Map{} : *p.saved, map);
   SaveSummary summary{.keyframes = difference.nodes.written.size(),
                       .landmarks = difference.landmarks.written.size()};
+  std::vector<KeyframeId> written;
+  for (const Row& row : difference.nodes.written)
+    written.push_back({row.origin, static_cast<std::uint32_t>(row.number)});
 
   const std::lock_guard lock(p.mutex);
   const Stopwatch locked;
@@ -167,8 +193,10 @@ Result<SaveSummary> MapFile::save_map(const Map& map) {
   if (status) status = write_changes(p.database, "landmarks", difference.landmarks);
   if (status) status = write_changes(p.database, "replaced_landmarks", difference.replaced);
   if (status) status = write_changes(p.database, "removed_keyframes", difference.removed);
-  if (status) status = store_missing_blobs(p.database, *p.insert_keyframe, difference.nodes, map);
+  if (status) status = storage::store_missing_blobs(p, written, map);
+  if (status) status = write_loops(p.database, map);
   if (status) status = write_mapped(p.database, map);
+  if (status) status = drop_void_checkpoints(p.database, map, undone);
   if (status) status = drop_culled_blobs(p.database, summary.dropped_blobs);
   if (status) status = transaction.commit();
   if (!status) return status.error();

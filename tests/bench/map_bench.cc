@@ -102,6 +102,65 @@ void load_map(benchmark::State& state) {
 }
 BENCHMARK(load_map)->Unit(benchmark::kMillisecond);
 
+// A place as large as one server is meant for: 1000 keyframes, 100 000 landmarks, ten sights each.
+const Map& huge_map() {
+  static const Map map = [] {
+    Map m;
+    m.id = {1};
+    // In pieces, of clients that pass one after another: a piece looks at its own points only.
+    for (std::uint64_t part = 0; part < 10; ++part) {
+      const SyntheticMap world({.keyframes = 100,
+                                .points = 11500,
+                                .seed = part + 1,
+                                .epoch = part + 1,
+                                .step = 0.3,
+                                .length = 30});
+      for (const KeyframePtr& keyframe : world.keyframes) apply_keyframe(m, keyframe);
+    }
+    return m;
+  }();
+  return map;
+}
+
+// Beside a file that holds the map already; each is of another event, so that old ones go.
+void save_checkpoint(benchmark::State& state) {
+  auto file = MapFile::open(bench_file());
+  Map map = huge_map();
+  (void)(*file)->save_map(map);
+  for (auto _ : state) {
+    const auto summary = (*file)->save_checkpoint(map);
+    map.loops.emplace_back();
+    state.counters["locked_ms"] = summary->locked_ms;
+    state.counters["MB"] = static_cast<double>(summary->bytes) / 1e6;
+  }
+  state.counters["keyframes"] = static_cast<double>(map.keyframes.size());
+  state.counters["landmarks"] = static_cast<double>(map.landmarks.size());
+  file->reset();
+  state.counters["file_MB"] = static_cast<double>(std::filesystem::file_size(bench_file())) / 1e6;
+  std::filesystem::remove(bench_file());
+}
+BENCHMARK(save_checkpoint)->Unit(benchmark::kMillisecond)->Iterations(6);
+
+void undo_event(benchmark::State& state) {
+  auto file = MapFile::open(bench_file());
+  Map map = huge_map();
+  const Map before = map;
+  LoopEdge& edge = map.loops.emplace_back();
+  edge.query = {1, 5};
+  edge.candidate = {1, 6};
+  for (auto _ : state) {
+    state.PauseTiming();
+    (void)(*file)->save_map(map);
+    (void)(*file)->save_checkpoint(before);
+    state.ResumeTiming();
+    const Status status = (*file)->restore(1);
+    if (!status) state.SkipWithError(status.message().c_str());
+  }
+  file->reset();
+  std::filesystem::remove(bench_file());
+}
+BENCHMARK(undo_event)->Unit(benchmark::kMillisecond)->Iterations(1);
+
 void append_keyframe(benchmark::State& state) {
   auto file = MapFile::open(bench_file());
   const auto& keyframe = *large_map().keyframes.at({kEpoch, 60}).keyframe;

@@ -1,171 +1,15 @@
 #include "server/storage/map_file.h"
 
 #include <csignal>
-#include <fstream>
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include "server/map/apply.h"
 #include "server/map/invariants.h"
 #include "server/storage/sqlite.h"
-#include "tests/unit/server/synthetic_map.h"
+#include "tests/unit/server/storage/map_file_fixture.h"
 
 namespace cairn {
 namespace {
-
-namespace fs = std::filesystem;
-
-const ClientId kClient{"walker", 7};
-
-// A folder of its own for each test, gone afterwards.
-class MapFileTest : public testing::Test {
- protected:
-  MapFileTest()
-      : folder_(fs::temp_directory_path() / ("cairn_map_file_test_" + std::to_string(getpid()))),
-        path_(folder_ / "map.db") {
-    fs::create_directories(folder_);
-  }
-  ~MapFileTest() override { fs::remove_all(folder_); }
-
-  std::unique_ptr<MapFile> open(MapFile::Mode mode = MapFile::Mode::kReadWrite) {
-    auto file = MapFile::open(path_, mode);
-    EXPECT_TRUE(file.ok()) << file.message();
-    return std::move(*file);
-  }
-  ErrorCode code_of_open() {
-    const auto file = MapFile::open(path_);
-    EXPECT_FALSE(file.ok());
-    if (file.ok()) return ErrorCode::kInternal;
-    EXPECT_EQ(file.message().find('\n'), std::string::npos);
-    EXPECT_NE(file.message().find("map.db"), std::string::npos);
-    return file.error().code;
-  }
-  void write_file(const std::string& bytes) { std::ofstream(path_, std::ios::binary) << bytes; }
-  std::string read_file() {
-    std::ifstream in(path_, std::ios::binary);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  const fs::path folder_, path_;
-};
-
-// What goes through the wire, as ingest would hand it on.
-struct Sent {
-  explicit Sent(const SyntheticMap& world) {
-    for (const KeyframePtr& keyframe : world.keyframes) {
-      blobs.push_back(*wire::encode_keyframe(kClient.name, *keyframe));
-      keyframes.push_back(wire::decode_keyframe(blobs.back())->keyframe);
-    }
-  }
-  void append(MapFile& file, std::size_t first, std::size_t last) const {
-    for (std::size_t i = first; i < last; ++i) {
-      const Status status = file.append(kClient, keyframes[i]->id, blobs[i]);
-      ASSERT_TRUE(status.ok()) << status.message();
-    }
-  }
-  std::vector<wire::Blob> blobs;
-  std::vector<KeyframePtr> keyframes;
-};
-
-const SyntheticMap& small_world() {
-  static const SyntheticMap world({.keyframes = 6, .points = 150});
-  return world;
-}
-
-Map map_of(const Sent& sent, std::size_t count) {
-  Map map;
-  map.id = {42};
-  for (std::size_t i = 0; i < count; ++i) apply_keyframe(map, sent.keyframes[i]);
-  return map;
-}
-
-void expect_same_node(const KeyframeNode& a, const KeyframeNode& b) {
-  EXPECT_EQ(a.map_from_camera.matrix(), b.map_from_camera.matrix());
-  EXPECT_EQ(a.landmarks, b.landmarks);
-  EXPECT_EQ(a.parent, b.parent);
-  EXPECT_EQ(a.children, b.children);
-  EXPECT_EQ(a.arrival, b.arrival);
-  EXPECT_EQ(a.revision, b.revision);
-  ASSERT_EQ(a.covisible.size(), b.covisible.size());
-  for (std::size_t i = 0; i < a.covisible.size(); ++i) {
-    EXPECT_EQ(a.covisible[i].keyframe, b.covisible[i].keyframe);
-    EXPECT_EQ(a.covisible[i].shared, b.covisible[i].shared);
-  }
-  EXPECT_EQ(a.keyframe->stamp_ns, b.keyframe->stamp_ns);
-  EXPECT_EQ(a.rig(), b.rig());
-  ASSERT_EQ(a.features().size(), b.features().size());
-  EXPECT_EQ(a.features().descriptors, b.features().descriptors);
-}
-
-void expect_same_landmark(const Landmark& a, const Landmark& b) {
-  EXPECT_EQ(a.id, b.id);
-  EXPECT_EQ(a.position, b.position);
-  EXPECT_EQ(a.observations, b.observations);
-  EXPECT_EQ(a.reference, b.reference);
-  EXPECT_EQ(a.descriptor, b.descriptor);
-  EXPECT_EQ(a.normal, b.normal);
-  EXPECT_EQ(a.min_distance, b.min_distance);
-  EXPECT_EQ(a.max_distance, b.max_distance);
-  EXPECT_EQ(std::tuple(a.visible, a.found, a.birth, a.arrival, a.revision),
-            std::tuple(b.visible, b.found, b.birth, b.arrival, b.revision));
-}
-
-void expect_same_map(const Map& a, const Map& b) {
-  EXPECT_EQ(a.id, b.id);
-  EXPECT_EQ(a.revision, b.revision);
-  EXPECT_EQ(a.merge_epoch, b.merge_epoch);
-  EXPECT_EQ(a.keyframes_ever, b.keyframes_ever);
-  EXPECT_EQ(a.next_landmark, b.next_landmark);
-  ASSERT_EQ(a.keyframes.sorted_keys(), b.keyframes.sorted_keys());
-  for (const KeyframeId id : a.keyframes.sorted_keys())
-    expect_same_node(a.keyframes.at(id), b.keyframes.at(id));
-  ASSERT_EQ(a.landmarks.sorted_keys(), b.landmarks.sorted_keys());
-  for (const LandmarkId id : a.landmarks.sorted_keys())
-    expect_same_landmark(a.landmarks.at(id), b.landmarks.at(id));
-  ASSERT_EQ(a.replaced_landmarks.sorted_keys(), b.replaced_landmarks.sorted_keys());
-  for (const LandmarkId id : a.replaced_landmarks.sorted_keys())
-    EXPECT_EQ(a.replaced_landmarks.at(id).now, b.replaced_landmarks.at(id).now);
-  ASSERT_EQ(a.removed_keyframes.sorted_keys(), b.removed_keyframes.sorted_keys());
-  for (const KeyframeId id : a.removed_keyframes.sorted_keys())
-    EXPECT_EQ(a.removed_keyframes.at(id).anchor, b.removed_keyframes.at(id).anchor);
-  ASSERT_EQ(a.mapped_keyframes.sorted_keys(), b.mapped_keyframes.sorted_keys());
-  for (const std::uint64_t epoch : a.mapped_keyframes.sorted_keys())
-    EXPECT_EQ(a.mapped_of(epoch), b.mapped_of(epoch));
-}
-
-Map load(MapFile& file) {
-  auto map = file.load_map();
-  EXPECT_TRUE(map.ok()) << map.message();
-  EXPECT_TRUE(map->has_value());
-  return std::move(**map);
-}
-
-SaveSummary save(MapFile& file, const Map& map) {
-  const auto summary = file.save_map(map);
-  EXPECT_TRUE(summary.ok()) << summary.message();
-  return *summary;
-}
-
-std::size_t pending_count(MapFile& file) {
-  const auto pending = file.pending_keyframes();
-  EXPECT_TRUE(pending.ok()) << pending.message();
-  return pending->size();
-}
-
-// Two landmarks fused and a keyframe culled, so that every table has rows.
-void rework(Map& map) {
-  const auto landmarks = map.landmarks.sorted_keys();
-  MapDelta delta;
-  delta.base_revision = map.revision;
-  delta.removed_landmarks = {landmarks[0]};
-  delta.positions = {{landmarks[4], {1, 2, 3}}};
-  apply_delta(map, delta);
-  map.replaced_landmarks.insert(landmarks[0], {landmarks[1], map.keyframes_ever});
-  map.mapped_keyframes.insert(kClient.epoch, 4);
-  ASSERT_TRUE(remove_keyframe(map, {kClient.epoch, 2}));
-}
 
 TEST_F(MapFileTest, NewFileHoldsNoMap) {
   const auto file = open();
@@ -190,6 +34,39 @@ TEST_F(MapFileTest, LoadedMapEqualsTheSavedOne) {
   const Map loaded = load(*file);
   expect_same_map(loaded, map);
   EXPECT_TRUE(check_invariants(loaded).empty()) << check_invariants(loaded).front();
+}
+
+TEST_F(MapFileTest, LoopsAndMergesAreKept) {
+  const Sent sent(small_world());
+  Map map = map_of(sent, 6);
+  LoopEdge edge;
+  edge.query = {7, 5};
+  edge.candidate = {7, 0};
+  edge.candidate_from_query = {so3_exp({0.1, 0.2, 0.3}), {1, 2, 3}, 1.5};
+  edge.inliers = 300;
+  map.loops.push_back(edge);
+  edge.merges = true;
+  edge.new_map_from_old_map = {so3_exp({0, 0.2, -0.3}), {-1, 2, -3}, 0.25};
+  edge.moved = {3, ~std::uint64_t{0}};
+  map.loops.push_back(edge);
+  map.merge_epoch = 2;
+  save(*open(), map);
+  expect_same_map(load(*open()), map);
+}
+
+TEST_F(MapFileTest, AnUnreadableLoopIsRefused) {
+  const Sent sent(small_world());
+  Map map = map_of(sent, 2);
+  LoopEdge edge;
+  edge.query = {7, 1};
+  edge.candidate = {7, 0};
+  edge.candidate_from_query.scale = -1;
+  map.loops.push_back(edge);
+  const auto file = open();
+  save(*file, map);
+  const auto loaded = file->load_map();
+  ASSERT_FALSE(loaded.ok());
+  EXPECT_EQ(loaded.error().code, ErrorCode::kCorrupt);
 }
 
 TEST_F(MapFileTest, SecondSaveWritesOnlyWhatChanged) {
@@ -412,6 +289,21 @@ TEST_F(MapFileTest, DamagedFileGivesAnErrorOrASoundMap) {
     }
   }
   EXPECT_GT(refused, 20);
+}
+
+TEST_F(MapFileTest, LandmarkSeenTwiceByOneKeyframeIsRefused) {
+  const Sent sent(small_world());
+  Map map = map_of(sent, 2);
+  const auto landmarks = map.landmarks.sorted_keys();
+  for (std::size_t i = 1; i < landmarks.size(); ++i) map.landmarks.erase(landmarks[i]);
+  Landmark& landmark = *map.landmarks.edit(landmarks[0]);
+  landmark.observations = {{{7, 0}, 3}, {{7, 0}, 5}};
+  landmark.reference = {7, 0};
+  const auto file = open();
+  save(*file, map);
+  const auto loaded = file->load_map();
+  ASSERT_FALSE(loaded.ok());
+  EXPECT_EQ(loaded.error().code, ErrorCode::kCorrupt);
 }
 
 TEST_F(MapFileTest, ParentsInACircleAreRefused) {
