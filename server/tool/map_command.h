@@ -1,5 +1,5 @@
-// `cairn map info|export FILE.db`: what a saved map holds, and the map in formats of other
-// programs.
+// `cairn map info|export|undo FILE.db`: what a saved map holds, the map in formats of other
+// programs, and back to before a loop or a merge.
 #pragma once
 
 #include "server/tool/command.h"

@@ -76,10 +76,28 @@ Json pose_json(const Rigid3& pose) {
   return {{"position", {t.x(), t.y(), t.z()}}, {"quaternion_xyzw", {q.x(), q.y(), q.z(), q.w()}}};
 }
 
+Json loops_json(const MapInfo& info) {
+  Json loops = Json::array();
+  const auto keyframe = [&](const KeyframeId& id) {
+    return Json{{"id", id_text(id)}, {"client", info.client_of(id.epoch)}};
+  };
+  for (const MapInfo::Loop& loop : info.loops) {
+    Json entry = {{"event", loops.size() + 1},
+                  {"kind", loop.merges ? "merge" : "loop"},
+                  {"query", keyframe(loop.query)},
+                  {"candidate", keyframe(loop.candidate)},
+                  {"inliers", loop.inliers}};
+    if (loop.can_undo) entry["can_undo"] = *loop.can_undo;
+    loops.push_back(std::move(entry));
+  }
+  return loops;
+}
+
 Json info_json(const MapInfo& info) {
   Json runs = Json::array();
   for (const MapInfo::Run& run : info.runs)
     runs.push_back({{"epoch", epoch_text(run.epoch)},
+                    {"client", info.client_of(run.epoch)},
                     {"keyframes", run.keyframes},
                     {"path_m", run.path_m},
                     {"duration_s", run.duration_s}});
@@ -90,7 +108,8 @@ Json info_json(const MapInfo& info) {
           {"landmarks", info.landmarks},
           {"observations", info.observations},
           {"reprojection_rmse_px", info.reprojection_rmse},
-          {"runs", runs}};
+          {"runs", runs},
+          {"loops", loops_json(info)}};
 }
 
 // COLMAP counts cameras, images and points from 1.
@@ -134,15 +153,29 @@ MapInfo info_of(const Map& map) {
   info.landmarks = map.landmarks.size();
   for (const std::uint64_t epoch : epochs_of(map)) {
     const Trajectory poses = keyframe_trajectory(map, epoch);
-    MapInfo::Run run{.epoch = epoch, .keyframes = poses.size()};
+    MapInfo::Run run;
+    run.epoch = epoch;
+    run.keyframes = poses.size();
     for (std::size_t i = 1; i < poses.size(); ++i)
       run.path_m +=
           (poses[i].world_from_camera.origin() - poses[i - 1].world_from_camera.origin()).norm();
     run.duration_s = to_seconds(poses.back().stamp_ns - poses.front().stamp_ns);
     info.runs.push_back(run);
   }
+  for (const LoopEdge& edge : map.loops)
+    info.loops.push_back({edge.merges, edge.query, edge.candidate, edge.inliers, std::nullopt});
   add_landmarks(map, info);
   return info;
+}
+
+std::string MapInfo::client_of(std::uint64_t epoch) const {
+  const auto run =
+      std::find_if(runs.begin(), runs.end(), [&](const Run& r) { return r.epoch == epoch; });
+  return run == runs.end() || run->client.empty() ? "?" : run->client;
+}
+
+void write_info_json(const MapInfo& info, std::ostream& out) {
+  out << info_json(info).dump(1) << '\n';
 }
 
 Trajectory keyframe_trajectory(const Map& map, std::uint64_t epoch) {

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <iosfwd>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,21 +21,34 @@ namespace cairn {
 struct MapInfo {
   struct Run {  // one run of one client
     std::uint64_t epoch = 0;
+    std::string client;  // its name, where known: the map itself has epochs only
     std::size_t keyframes = 0;
     double path_m = 0;      // length of the polygon through its keyframes
     double duration_s = 0;  // from its first to its last keyframe
+  };
+  struct Loop {  // closed, or with another part merged by it
+    bool merges = false;
+    KeyframeId query, candidate;
+    int inliers = 0;
+    std::optional<bool> can_undo;  // the map file knows
   };
 
   std::uint64_t id = 0, revision = 0;
   std::uint32_t merge_epoch = 0;
   std::size_t keyframes = 0, landmarks = 0, observations = 0;
-  std::vector<Run> runs;  // by epoch
+  std::vector<Run> runs;    // by epoch
+  std::vector<Loop> loops;  // in order; the first is event 1
+
+  // Of a run; "?" when unknown.
+  std::string client_of(std::uint64_t epoch) const;
   // Corners of the box around all landmarks, metres in map; both 0 without landmarks.
   Eigen::Vector3d box_min = Eigen::Vector3d::Zero(), box_max = Eigen::Vector3d::Zero();
   double mean_observations = 0;  // a landmark
   double reprojection_rmse = 0;  // pixels, over all observations
 };
 MapInfo info_of(const Map& map);
+// One JSON object.
+void write_info_json(const MapInfo& info, std::ostream& out);
 
 // Keyframe poses of one client run, by time.
 Trajectory keyframe_trajectory(const Map& map, std::uint64_t epoch);

@@ -81,6 +81,34 @@ class Commands : public ::testing::Test {
     return path("map.db");
   }
 
+  // A map of two keyframes of one client, between which two loops were closed; the second one can
+  // be undone. The second keyframe came after the first loop.
+  std::string write_map_with_loops() {
+    const std::string file_path = write_map();
+    auto file = MapFile::open(file_path);
+    Map map = **(*file)->load_map();
+    const KeyframeId first = map.keyframes.sorted_keys()[0];
+    LoopEdge edge;
+    edge.query = edge.candidate = first;
+    edge.inliers = 77;
+    map.loops.push_back(edge);
+    const Map before = map;
+    KeyframeNode node = map.keyframes.at(first);
+    auto keyframe = std::make_shared<Keyframe>(*node.keyframe);
+    keyframe->id.sequence = first.sequence + 1;
+    node.keyframe = keyframe;
+    node.parent = first;
+    map.keyframes.insert(keyframe->id, node);
+    const auto blob = wire::encode_keyframe("anna", *keyframe);
+    EXPECT_TRUE((*file)->append({"anna", keyframe->id.epoch}, keyframe->id, *blob).ok());
+    edge.query = keyframe->id;
+    edge.merges = true;
+    map.loops.push_back(edge);
+    EXPECT_TRUE((*file)->save_checkpoint(before).ok());
+    EXPECT_TRUE((*file)->save_map(map).ok());
+    return file_path;
+  }
+
   fs::path folder_;
 };
 
@@ -130,6 +158,50 @@ TEST_F(Commands, MapInfoTellsWhatAFileHolds) {
   EXPECT_THAT(outcome.out, HasSubstr("0000000000000abc"));
   EXPECT_THAT(outcome.out, HasSubstr("keyframes    1\n"));
   EXPECT_THAT(outcome.out, HasSubstr("landmarks    1, seen 1.0 times each\n"));
+}
+
+TEST_F(Commands, MapInfoListsLoopsAndMerges) {
+  const std::string file = write_map_with_loops();
+  const Outcome outcome = run_command({"map", "info", file});
+  ASSERT_EQ(outcome.code, kExitOk) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("events       2 merges and loops\n"));
+  EXPECT_THAT(outcome.out, HasSubstr("  1 loop     keyframe anna 0 to anna 0, 77 inliers\n"));
+  EXPECT_THAT(outcome.out,
+              HasSubstr("  2 merge    keyframe anna 1 to anna 0, 77 inliers, can be undone\n"));
+  const auto json = nlohmann::json::parse(run_command({"map", "info", file, "--json"}).out);
+  ASSERT_EQ(json["loops"].size(), 2u);
+  EXPECT_EQ(json["loops"][0]["kind"], "loop");
+  EXPECT_EQ(json["loops"][0]["can_undo"], false);
+  EXPECT_EQ(json["loops"][1]["event"], 2);
+  EXPECT_EQ(json["loops"][1]["kind"], "merge");
+  EXPECT_EQ(json["loops"][1]["can_undo"], true);
+  EXPECT_EQ(json["loops"][1]["query"]["client"], "anna");
+  EXPECT_EQ(json["keyframes"], 2);
+}
+
+TEST_F(Commands, MapUndoGoesBackToBeforeAnEvent) {
+  const std::string file = write_map_with_loops();
+  const Outcome outcome = run_command({"map", "undo", file, "2"});
+  ASSERT_EQ(outcome.code, kExitOk) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("before event 2: 1 keyframes, 1 landmarks; cairn-server will "
+                                     "map 1 later keyframes again\n"));
+  EXPECT_THAT(run_command({"map", "info", file}).out, HasSubstr("events       1 merges and loops"));
+}
+
+TEST_F(Commands, MapUndoFailsWithOneClearLine) {
+  const std::string file = write_map_with_loops();
+  const Outcome not_kept = run_command({"map", "undo", file, "1"});
+  EXPECT_EQ(not_kept.code, kExitFailure);
+  EXPECT_EQ(not_kept.err, "cairn: " + file + ": event 1 cannot be undone; what can be undone: 2\n");
+  EXPECT_THAT(run_command({"map", "undo", file, "3"}).err, HasSubstr("no event 3; the map has 2"));
+  EXPECT_EQ(run_command({"map", "undo", file, "0"}).code, kExitUsage);
+  EXPECT_EQ(run_command({"map", "undo", file}).code, kExitUsage);
+  EXPECT_EQ(run_command({"map", "undo", path("absent.db"), "1"}).code, kExitFailure);
+  EXPECT_FALSE(fs::exists(path("absent.db")));
+  const auto server = MapFile::open(file);
+  const Outcome in_use = run_command({"map", "undo", file, "2"});
+  EXPECT_EQ(in_use.code, kExitFailure);
+  EXPECT_THAT(in_use.err, HasSubstr("in use by another program"));
 }
 
 TEST_F(Commands, MapExportWritesTheFileItNames) {
