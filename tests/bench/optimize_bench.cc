@@ -1,8 +1,16 @@
-// Local bundle adjustment, from taking the problem out of the map to the finished delta, on windows
-// of growing size. CPU time is what to look at on a machine that does other things too.
+// What the solvers cost, from taking the problem out of the map to the finished delta: local bundle
+// adjustment on windows of growing size; global bundle adjustment of a large map, next to a program
+// of Ceres alone on the same numbers; the pose graph that closes a long loop. CPU time is what to
+// look at on a machine that does other things too.
 #include <benchmark/benchmark.h>
 
+#include <unordered_map>
+
+#include "server/optimize/global_ba.h"
 #include "server/optimize/local_ba.h"
+#include "server/optimize/pose_graph.h"
+#include "tests/bench/bare_ba.h"
+#include "tests/bench/ring_world.h"
 #include "tests/unit/server/optimize/known_map.h"
 
 namespace cairn {
@@ -34,6 +42,99 @@ BENCHMARK(local_ba)
     ->Args({10, 3500, 1})
     ->Args({10, 3500, 2})
     ->Args({20, 6000, 0});
+
+const RingWorld& ring_world() {
+  static const RingWorld world({});
+  return world;
+}
+
+void global_ba(benchmark::State& state) {
+  const RingWorld& world = ring_world();
+  GlobalBaSummary summary;
+  MapDelta delta;
+  for (auto _ : state) delta = solve_global_ba(world.map, {}, {}, &summary);
+  std::unordered_map<KeyframeId, Rigid3> poses;
+  for (const auto& change : delta.poses) poses[change.keyframe] = change.map_from_camera;
+  poses[RingWorld::id(0)] = world.truth[0];
+  state.counters["keyframes"] = summary.keyframes;
+  state.counters["landmarks"] = summary.landmarks;
+  state.counters["observations"] = summary.observations;
+  state.counters["iterations"] = summary.iterations;
+  state.counters["initial_cost"] = summary.initial_cost;
+  state.counters["final_cost"] = summary.final_cost;
+  state.counters["outliers"] = summary.outliers;
+  state.counters["rmse_before_m"] =
+      world.error([&](KeyframeId id) { return world.map.keyframes.at(id).map_from_camera; });
+  state.counters["rmse_m"] = world.error([&](KeyframeId id) { return poses.at(id); });
+}
+BENCHMARK(global_ba)->Unit(benchmark::kSecond)->Iterations(1);
+
+// The same keyframes and landmarks as plain arrays.
+bare::Problem bare_problem(const RingWorld& world) {
+  bare::Problem problem;
+  const PinholeCamera& camera = world.map.keyframes.at(RingWorld::id(0)).rig().camera;
+  problem.fx = camera.fx;
+  problem.fy = camera.fy;
+  problem.cx = camera.cx;
+  problem.cy = camera.cy;
+  problem.fx_baseline = camera.fx * camera.baseline;
+  for (int k = 0; k < world.options.keyframes; ++k) {
+    const Rigid3& pose = world.map.keyframes.at(RingWorld::id(k)).map_from_camera;
+    for (int i = 0; i < 4; ++i) problem.rotations.push_back(pose.rotation.coeffs()[i]);
+    for (int i = 0; i < 3; ++i) problem.translations.push_back(pose.translation[i]);
+  }
+  for (const LandmarkId id : world.map.landmarks.sorted_keys()) {
+    const Landmark& landmark = world.map.landmarks.at(id);
+    const auto point = static_cast<std::uint32_t>(problem.points.size() / 3);
+    for (int i = 0; i < 3; ++i) problem.points.push_back(landmark.position[i]);
+    for (const Observation& o : landmark.observations) {
+      const Feature& f = world.map.keyframes.at(o.keyframe).features().points[o.feature];
+      problem.observations.push_back({o.keyframe.sequence, point, f.x, f.y, f.disparity});
+    }
+  }
+  return problem;
+}
+
+void global_ba_bare(benchmark::State& state) {
+  const RingWorld& world = ring_world();
+  const BundleOptions options = GlobalBaOptions{}.bundle;
+  bare::Problem problem = bare_problem(world);
+  bare::Summary summary;
+  for (auto _ : state)
+    summary = bare::solve(problem, options.first_iterations, options.second_iterations,
+                          options.function_tolerance);
+  state.counters["observations"] = static_cast<double>(problem.observations.size());
+  state.counters["iterations"] = summary.iterations;
+  state.counters["initial_cost"] = summary.initial_cost;
+  state.counters["final_cost"] = summary.final_cost;
+  state.counters["rmse_m"] = world.error([&](KeyframeId id) {
+    const double* t = &problem.translations[std::size_t{3} * id.sequence];
+    return Rigid3{Eigen::Quaterniond::Identity(), {t[0], t[1], t[2]}};
+  });
+}
+BENCHMARK(global_ba_bare)->Unit(benchmark::kSecond)->Iterations(1);
+
+// A ring that has drifted apart by metres where it should close.
+void pose_graph(benchmark::State& state) {
+  const RingWorld world({.landmarks = 20000, .rounds = 1, .turn_error = 0, .move_error = 0});
+  Map map = world.map;
+  Rigid3 drift;
+  for (int k = 1; k < world.options.keyframes; ++k) {
+    drift = drift * Rigid3{so3_exp({0, 0.0002, 0}), {0.002, 0, 0.001}};
+    map.keyframes.edit(RingWorld::id(k))->map_from_camera =
+        world.truth[static_cast<std::size_t>(k)] * drift;
+  }
+  const RelativePose loop{RingWorld::id(world.options.keyframes - 1), RingWorld::id(0),
+                          Sim3(world.truth.front().inverse() * world.truth.back())};
+  PoseGraphSummary summary;
+  for (auto _ : state) benchmark::DoNotOptimize(solve_pose_graph(map, {&loop, 1}, {}, &summary));
+  state.counters["edges"] = summary.edges;
+  state.counters["iterations"] = summary.iterations;
+  state.counters["initial_cost"] = summary.initial_cost;
+  state.counters["final_cost"] = summary.final_cost;
+  state.counters["rejected"] = static_cast<double>(summary.rejected.size());
+}
+BENCHMARK(pose_graph)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace cairn
