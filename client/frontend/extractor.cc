@@ -56,6 +56,7 @@ void Extractor::extract(const cv::Mat& gray, Features& out) {
 }
 
 void Extractor::measure_entropy() {
+  low_threshold_ = options_.fast.low_threshold;
   if (options_.entropy.mode == EntropyMode::kOff) return;
   const Stopwatch watch;
   entropies_.clear();
@@ -67,6 +68,10 @@ void Extractor::measure_entropy() {
   stats_.blocks = static_cast<int>(entropies_.size());
   stats_.image_entropy = std::accumulate(entropies_.begin(), entropies_.end(), 0.0) / stats_.blocks;
   stats_.threshold = threshold_.next(stats_.image_entropy);
+  const auto weak = std::count_if(entropies_.begin(), entropies_.end(),
+                                  [&](float e) { return e < stats_.threshold; });
+  if (static_cast<double>(weak) > options_.flat_share * stats_.blocks)
+    low_threshold_ = std::min(low_threshold_, options_.fast.flat_threshold);
   stats_.entropy_ms = watch.milliseconds();
 }
 
@@ -92,7 +97,7 @@ cv::Mat Extractor::sharpen_blocks(int level) {
 
 void Extractor::find_corners(const cv::Mat& image) {
   const Stopwatch watch;
-  fast_.detect(image, kPatchBorder, corners_);
+  fast_.detect(image, kPatchBorder, low_threshold_, corners_);
   stats_.corners += static_cast<int>(corners_.size());
   stats_.fast_ms += watch.milliseconds();
 }

@@ -25,6 +25,7 @@ struct ExtractorOptions {
   ScalePyramid pyramid = {};
   FastOptions fast = {};
   EntropyOptions entropy = {};
+  double flat_share = 0.5;  // images with more weak blocks than that are flat, see FastOptions
   bool describe_sharpened = true;  // descriptors too see the sharpened pixels, as in the paper
 };
 
@@ -78,6 +79,7 @@ class Extractor {
   ExtractorStats stats_;
 
   std::vector<float> entropies_;          // of the blocks, level by level
+  int low_threshold_ = 0;                 // of FAST, for this image
   std::size_t next_entropy_ = 0;          // of the first block of the level at hand
   std::vector<Corner> corners_, chosen_;  // of the level at hand
   std::vector<std::uint16_t> blur_line_;

@@ -102,12 +102,13 @@ void FastDetector::append(const cv::Mat& level, const cv::Rect& area, int thresh
   }
 }
 
-void FastDetector::detect(const cv::Mat& level, int border, std::vector<Corner>& corners) {
+void FastDetector::detect(const cv::Mat& level, int border, int low_threshold,
+                          std::vector<Corner>& corners) {
   corners.clear();
   const cv::Rect area(border, border, level.cols - 2 * border, level.rows - 2 * border);
   if (area.width <= 0 || area.height <= 0) return;
   append(level, area, options_.high_threshold, corners);
-  if (options_.low_threshold <= 0) return;
+  if (low_threshold <= 0) return;
 
   const int columns = std::max(1, (area.width + options_.cell / 2) / options_.cell);
   const int rows = std::max(1, (area.height + options_.cell / 2) / options_.cell);
@@ -128,8 +129,8 @@ void FastDetector::detect(const cv::Mat& level, int border, std::vector<Corner>&
       while (last + 1 < columns && !occupied[last + 1]) ++last;
       const int left = edge(first, area.width, columns),
                 right = edge(last + 1, area.width, columns);
-      append(level, {area.x + left, area.y + top, right - left, bottom - top},
-             options_.low_threshold, corners);
+      append(level, {area.x + left, area.y + top, right - left, bottom - top}, low_threshold,
+             corners);
       first = last;
     }
   }

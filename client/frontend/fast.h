@@ -19,7 +19,10 @@ namespace cairn {
 struct FastOptions {
   int high_threshold = 20;  // grey levels that the contrast must exceed
   int low_threshold = 7;    // used in cells where the high one finds nothing; 0: never
-  int cell = 32;            // pixels a side
+  // The low one in images most of whose blocks are sharpened: little stands out there, and without
+  // these corners too few are found again in the next image.
+  int flat_threshold = 4;
+  int cell = 32;  // pixels a side
 };
 
 // The highest threshold at which (x, y) is a corner: the contrast with the centre that nine
@@ -42,7 +45,11 @@ class FastDetector {
 
   // Replaces `corners` by those of `level` (CV_8UC1) that keep `border` pixels (at least 3) from
   // the edges: the strong ones row by row, then the weak ones cell by cell.
-  void detect(const cv::Mat& level, int border, std::vector<Corner>& corners);
+  void detect(const cv::Mat& level, int border, std::vector<Corner>& corners) {
+    detect(level, border, options_.low_threshold, corners);
+  }
+  // The same with another low threshold.
+  void detect(const cv::Mat& level, int border, int low_threshold, std::vector<Corner>& corners);
 
  private:
   void append(const cv::Mat& level, const cv::Rect& area, int threshold,

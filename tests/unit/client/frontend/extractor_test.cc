@@ -131,6 +131,18 @@ TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
   EXPECT_GT(on_weak_side(sharpened), 100);
 }
 
+// A faint checkerboard all over: its entropy is that of the scene, so eq. 12 alone sharpens
+// nothing.
+TEST(Extractor, FindsFeaturesInAnEvenlyFlatImageWherePlainOrbFindsNone) {
+  cv::Mat image(480, 640, CV_8UC1);
+  for (int y = 0; y < 480; ++y)
+    for (int x = 0; x < 640; ++x)
+      image.at<uchar>(y, x) = static_cast<uchar>((x / 40 + y / 40) % 2 ? 120 : 123);
+  EXPECT_EQ(extract(image, {.entropy = {.mode = EntropyMode::kOff}}).size(), 0u);
+  EXPECT_GT(extract(image).size(), 200u);
+  EXPECT_EQ(extract(image, {.flat_share = 1}).size(), 0u);  // 3 grey levels, sharpened: 6 at most
+}
+
 TEST(Orientation, PointsToTheBrighterSide) {
   for (const double turn : {0.0, 0.7, 2.0, 3.5, 5.9}) {
     cv::Mat image(64, 64, CV_8UC1);
