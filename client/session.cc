@@ -56,6 +56,7 @@ class Session {
   void apply(const MapUpdate& update);
   Status wait_for_mapping(int backlog, Clock::time_point deadline, bool only_while_connected);
   void wait_for_delivery(Clock::time_point deadline);
+  void wait_for_last_corrections(Clock::time_point deadline);
   Status after_keyframe();
   Status finish();
   void show_progress();
@@ -70,6 +71,7 @@ class Session {
   // With the server, last; the start counts too.
   const Clock::time_point started_ = Clock::now();
   Clock::time_point in_touch_ = started_;
+  bool settled_ = false;  // the server has no more corrections under way
   Clock::time_point next_progress_ = Clock::now() + kProgressEvery;
   SessionReport report_;
 };
@@ -131,6 +133,7 @@ void Session::look_after_link() {
 void Session::apply(const MapUpdate& update) {
   const bool lost = tracker_->map().is_of_another_map(update);
   tracker_->apply(update);
+  settled_ = update.settled;
   if (!lost) return;
   const std::uint64_t made = tracker_->keyframes_made();
   const std::uint64_t waiting = std::min(made, link_->stats().keyframes_in_outbox);
@@ -192,6 +195,20 @@ void Session::wait_for_delivery(Clock::time_point deadline) {
   (void)link_->wait_delivered(std::min<nanoseconds>(kInterruptedPatience, deadline - now));
 }
 
+// Until the server has closed its loops and adjusted the map as a whole. One that can't be heard
+// has nothing more to say.
+void Session::wait_for_last_corrections(Clock::time_point deadline) {
+  link_->say_finishing();
+  while (!settled_ && link_->status() && !stop_.stop_requested()) {
+    const auto now = Clock::now();
+    if (now >= deadline || now - in_touch_ > kConnectGrace) break;
+    take_corrections(std::min<nanoseconds>(kLinkCheck, deadline - now));
+  }
+  if (!settled_ && !stop_.stop_requested())
+    log::warn("the server's last corrections did not come in time: the trajectory is without them");
+  take_corrections(nanoseconds::zero());
+}
+
 Status Session::after_keyframe() {
   if (options_.no_server) return {};
   const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
@@ -223,7 +240,7 @@ Status Session::finish() {
     const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
     if (Status s = wait_for_mapping(0, deadline, false); !s) log::warn("{}", s.message());
     wait_for_delivery(deadline);
-    take_corrections(nanoseconds::zero());
+    wait_for_last_corrections(deadline);
   }
   link_->stop();
   const LinkStats stats = link_->stats();

@@ -16,10 +16,11 @@ LocalMappingReport ClientDesk::map_keyframe(KeyframeId id, std::size_t backlog) 
   return report;
 }
 
-Status ClientDesk::tell(const Map& map, const std::function<Status(const MapUpdate&)>& send) {
+Status ClientDesk::tell(const Map& map, bool settled,
+                        const std::function<Status(const MapUpdate&)>& send) {
   const auto kind =
       wants_refresh_.exchange(false) ? ClientView::Kind::kRefresh : ClientView::Kind::kChanges;
-  const auto update = view_.difference(map, mapped_keyframes_, kind);
+  const auto update = view_.difference(map, mapped_keyframes_, kind, settled);
   if (!update) return {};
   Status sent = send(*update);
   if (!sent) refresh();  // the view takes it as told
@@ -65,6 +66,14 @@ void ClientDesks::release(const ClientId& client) {
   if (found == entries_.end() || found->second.is_there) return;
   freed = std::move(found->second.desk);
   entries_.erase(found);
+}
+
+std::vector<ClientId> ClientDesks::present() const {
+  std::lock_guard lock(mutex_);
+  std::vector<ClientId> clients;
+  for (const auto& [client, entry] : entries_)
+    if (entry.is_there) clients.push_back(client);
+  return clients;
 }
 
 std::size_t ClientDesks::size() const {

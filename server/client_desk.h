@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include "common/util/status.h"
 #include "server/map/map_writer.h"
@@ -26,7 +27,8 @@ class ClientDesk {
 
   // Sends what the client has not been told yet, if anything, or all anew when it wants a refresh.
   // What `send` refuses the client has not heard of: the next time starts over.
-  Status tell(const Map& map, const std::function<Status(const MapUpdate&)>& send);
+  // `settled`: see ClientView::difference().
+  Status tell(const Map& map, bool settled, const std::function<Status(const MapUpdate&)>& send);
 
   // From any thread: the client has missed something, tell it everything anew.
   void refresh() { wants_refresh_ = true; }
@@ -58,6 +60,8 @@ class ClientDesks {
   // Frees the desk of a run that is not there. By whoever has the client's job, when none follows.
   void release(const ClientId& client);
   std::size_t size() const;
+  // The runs that are there.
+  std::vector<ClientId> present() const;
 
  private:
   struct Entry {

@@ -6,6 +6,7 @@
 #include "common/util/clock.h"
 #include "common/util/log.h"
 #include "server/optimize/local_ba.h"
+#include "server/place/default_vocabulary.h"
 
 namespace cairn {
 namespace {
@@ -59,6 +60,7 @@ Result<std::unique_ptr<Pipeline>> Pipeline::start(const ServerConfig& config) {
               map.landmarks.size());
 
   std::unique_ptr<Pipeline> pipeline(new Pipeline(config, std::move(*file), std::move(map)));
+  if (Status s = pipeline->start_closing_loops(); !s) return s.error();
   if (Status s = pipeline->replay_journal(); !s) return s.error();
   if (Status s = pipeline->start_receiving(); !s) return s.error();
   return pipeline;
@@ -89,6 +91,31 @@ Status Pipeline::replay_journal() {
   for (wire::DecodedKeyframe& decoded : *pending)
     insert(decoded.client, std::move(decoded.keyframe), Clock::now(), Origin::kFile);
   return {};
+}
+
+Status Pipeline::start_closing_loops() {
+  if (!config_.close_loops) return {};
+  Result<Vocabulary> vocabulary =
+      config_.vocabulary.empty() ? default_vocabulary() : Vocabulary::load(config_.vocabulary);
+  if (!vocabulary) return vocabulary.error();
+  LoopCloserHooks hooks;
+  hooks.solve = solve;
+  if (!config_.map_file.empty())
+    hooks.keep = [this](const Map& before) -> Status {
+      const Result<CheckpointSummary> kept = file_->save_checkpoint(before);
+      return kept ? Status() : kept.error();
+    };
+  hooks.changed = [this] { tell_everyone(); };
+  closer_ = std::make_unique<LoopCloser>(writer_,
+                                         std::make_shared<const Vocabulary>(std::move(*vocabulary)),
+                                         LoopCloserOptions(), std::move(hooks));
+  return {};
+}
+
+// On any thread: must not block.
+void Pipeline::tell_everyone() {
+  for (const ClientId& client : desks_.present())
+    if (!desks_.of(client)->event_waits.exchange(true)) jobs_.push(client, Job{});
 }
 
 Status Pipeline::start_receiving() {
@@ -131,7 +158,10 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   const bool left = event.kind == ClientEvent::Kind::kLeft;
   const auto desk = left ? desks_.leave(event.client) : desks_.join(event.client);
   if (!desk) return;
-  if (!left) desk->refresh();
+  const bool finishing = event.kind == ClientEvent::Kind::kFinishing;
+  if (closer_ && finishing) closer_->finish(event.client.epoch);
+  if (closer_ && left) closer_->forget(event.client.epoch);
+  if (!left && !finishing) desk->refresh();
   if (!desk->event_waits.exchange(true)) jobs_.push(event.client, Job{});
 }
 
@@ -169,6 +199,7 @@ void Pipeline::map_keyframes() {
 void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job,
                             std::size_t backlog) {
   const LocalMappingReport report = desk.map_keyframe(job.keyframe, backlog);
+  if (closer_) closer_->offer(job.keyframe);
   metrics_.mapping_ms.add(report.total_ms);
   ++metrics_.mapped;
   if (report.solved) metrics_.solving_ms.add(report.solve_ms);
@@ -180,7 +211,9 @@ void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job&
 }
 
 void Pipeline::answer(const ClientId& client, ClientDesk& desk, const Job& job) {
-  const Status told = desk.tell(*writer_.snapshot(), [&](const MapUpdate& update) {
+  // Before the snapshot: what is settled then is in it.
+  const bool settled = !closer_ || closer_->settled(client.epoch);
+  const Status told = desk.tell(*writer_.snapshot(), settled, [&](const MapUpdate& update) {
     return ingest_->publish(client, update);
   });
   if (!told)
@@ -217,6 +250,7 @@ Status Pipeline::stop() {
   if (inserter_.joinable()) inserter_.join();
   jobs_.close();
   mappers_.clear();  // each ends when the jobs are done
+  if (closer_) closer_->close();
   saver_.request_stop();
   if (saver_.joinable()) saver_.join();
   http_.reset();

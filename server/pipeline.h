@@ -1,10 +1,12 @@
 // The server in one place: keyframes in, map, corrections out.
 //
 //   ingest -> journal -> map writer -> local mapping -> map -> publish -> ingest
+//                                   -> loop closer -> map -> publish
 //
 // Threads: ingest's own receives and journals; one takes keyframes from ingest into the map as they
 // come; `mapping_threads` map them, the clients in turn and one keyframe of a client at a time; one
-// saves the map now and then. None of them waits for a solve but the one that asked for it.
+// closes loops, one adjusts the map as a whole, one saves it now and then. None of them waits for a
+// solve but the one that asked for it.
 #pragma once
 
 #include <chrono>
@@ -19,6 +21,7 @@
 #include "server/client_desk.h"
 #include "server/http/status_server.h"
 #include "server/ingest/ingest.h"
+#include "server/loop_closer.h"
 #include "server/map/map_writer.h"
 #include "server/server_config.h"
 #include "server/server_metrics.h"
@@ -60,6 +63,8 @@ class Pipeline {
   void answer(const ClientId& client, ClientDesk& desk, const Job& job);
   void save_now_and_then(std::stop_token stop);
   Status save();
+  Status start_closing_loops();
+  void tell_everyone();
   std::shared_ptr<ClientDesk> make_desk(const ClientId& client);
 
   const ServerConfig config_;
@@ -69,7 +74,8 @@ class Pipeline {
   FairQueue<ClientId, Job> jobs_;
   ServerMetrics metrics_;
   ClientDesks desks_;
-  std::uint64_t saved_revision_ = 0;  // saver thread, then stop()
+  std::unique_ptr<LoopCloser> closer_;  // null when loops are not wanted
+  std::uint64_t saved_revision_ = 0;    // saver thread, then stop()
   std::unique_ptr<StatusServer> http_;
   std::jthread inserter_, saver_;
   std::vector<std::jthread> mappers_;

@@ -27,6 +27,10 @@ Result<ServerConfig> load_server_config(const std::string& path) {
     config.local_window =
         static_cast<int>(mapping->integer_or("local_window", config.local_window, {1, 200}));
   }
+  if (auto loops = root.optional_section("loops")) {
+    config.close_loops = loops->flag_or("close", config.close_loops);
+    config.vocabulary = loops->text_or("vocabulary", config.vocabulary);
+  }
   if (Status done = root.finish(); !done) return done.error();
   return config;
 }

@@ -21,6 +21,8 @@ struct ServerConfig {
   double forget_client_s = 600;  // of silence, after which a client counts as gone
   // Local bundle adjustment: keyframes that are solved for at once.
   int local_window = 15;
+  bool close_loops = true;
+  std::string vocabulary;  // empty: the one that is built in
 };
 
 // One line with file, key and line on what is wrong.

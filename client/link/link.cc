@@ -126,6 +126,10 @@ bool Link::wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop
   return parts_->uplink->wait_delivered(timeout, std::move(stop));
 }
 
+void Link::say_finishing() {
+  parts_->uplink->say_finishing();
+}
+
 LinkStats Link::stats() const {
   const Uplink::Stats up = parts_->uplink->stats();
   const Downlink::Stats down = parts_->downlink->stats();

@@ -74,6 +74,10 @@ class Link {
   // for, without a server, or once status() is not ok.
   bool wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop = {});
 
+  // Tells the server that no keyframe will follow, so that it makes the last corrections; the update
+  // with MapUpdate::settled says that they are in.
+  void say_finishing();
+
   // Writes what is left to the outbox, says goodbye, ends the threads; within about 2 s, or 5 s
   // when the network hangs. Removes the outbox file when it is empty. Safe to call twice.
   void stop();

@@ -48,6 +48,15 @@ void Uplink::on_ack(const wire::ServerAckMessage& ack) {
   changed_.notify_all();
 }
 
+void Uplink::say_finishing() {
+  {
+    std::lock_guard lock(mutex_);
+    finishing_ = true;
+    inbox_.wake = true;
+  }
+  changed_.notify_all();
+}
+
 void Uplink::request_refresh() {
   {
     std::lock_guard lock(mutex_);
@@ -205,10 +214,12 @@ void Uplink::send_state(bool leaving) {
                                  .protocol = wire::kProtocol,
                                  .sensor = sensor_,
                                  .refresh_requests = 0,
+                                 .finishing = false,
                                  .leaving = leaving};
   {
     std::lock_guard lock(mutex_);
     state.refresh_requests = static_cast<std::uint32_t>(stats_.refresh_requests);
+    state.finishing = finishing_;
   }
   if (Status s = port_.send_state(state); !s) log::warn("{}", s.message());
   next_heartbeat_ = Clock::now() + timing_.heartbeat;

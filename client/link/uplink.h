@@ -58,6 +58,7 @@ class Uplink {
   void send(KeyframePtr keyframe);
   void on_ack(const wire::ServerAckMessage& ack);
   void request_refresh();
+  void say_finishing();
   Stats stats() const;
   Status status() const;
 
@@ -113,6 +114,7 @@ class Uplink {
   std::condition_variable_any changed_;    // inbox_
   std::condition_variable_any delivered_;  // stats_.waiting, status_
   Inbox inbox_;
+  bool finishing_ = false;
   Stats stats_;
   Status status_;
   bool accepted_ = false;

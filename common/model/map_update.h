@@ -60,6 +60,8 @@ struct MapUpdate {
   // Keyframes 0 .. mapped_keyframes-1 of the client's epoch have been through local mapping.
   std::uint64_t epoch = 0;
   std::uint32_t mapped_keyframes = 0;
+  // To a client that has said that it is finishing: no more corrections are under way.
+  bool settled = false;
 
   std::vector<KeyframePose> keyframes;
   std::vector<KeyframeRemoval> removed_keyframes;

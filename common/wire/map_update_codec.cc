@@ -74,6 +74,7 @@ void put_head(ByteWriter& out, std::string_view client, const MapUpdate& update)
   out.put(update.merge_epoch);
   out.put(update.epoch);
   out.put(update.mapped_keyframes);
+  out.put(static_cast<std::uint8_t>(update.settled));
   out.put(static_cast<std::uint8_t>(update.new_map_from_old_map.has_value()));
   if (const auto& moved = update.new_map_from_old_map) {
     put_rigid(out, {moved->rotation, moved->translation});
@@ -90,6 +91,9 @@ bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
   update.merge_epoch = in.get<std::uint32_t>();
   update.epoch = in.get<std::uint64_t>();
   update.mapped_keyframes = in.get<std::uint32_t>();
+  const auto settled = in.get<std::uint8_t>();
+  if (settled > 1) return false;
+  update.settled = settled == 1;
   const auto moved = in.get<std::uint8_t>();
   if (moved > 1) return false;
   if (moved == 1) {
@@ -265,6 +269,7 @@ std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t f
     part.merge_epoch = update.merge_epoch;
     part.epoch = update.epoch;
     part.mapped_keyframes = update.mapped_keyframes;
+    part.settled = update.settled;
     part.base_revision = parts.empty() ? update.base_revision : parts.back().revision;
     part.revision = first_revision + parts.size();
     if (parts.empty()) part.new_map_from_old_map = update.new_map_from_old_map;
@@ -288,6 +293,7 @@ std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t f
 void append_part(MapUpdate& whole, MapUpdate part) {
   whole.revision = part.revision;
   whole.mapped_keyframes = part.mapped_keyframes;
+  whole.settled = part.settled;
   append(whole.keyframes, part.keyframes);
   append(whole.removed_keyframes, part.removed_keyframes);
   append(whole.landmarks, part.landmarks);

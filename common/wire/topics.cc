@@ -109,12 +109,14 @@ struct Mapping<ClientStateMessage> {
     s.protocol = m.protocol;
     s.sensor = static_cast<std::uint8_t>(m.sensor);
     s.refresh_requests = m.refresh_requests;
+    s.finishing = m.finishing;
     s.leaving = m.leaving;
   }
   static bool from(const Sample& s, ClientStateMessage& m) {
     m.protocol = s.protocol;
     m.sensor = static_cast<Sensor>(s.sensor);
     m.refresh_requests = s.refresh_requests;
+    m.finishing = s.finishing;
     m.leaving = s.leaving;
     // A later protocol may know more sensors; that client is refused in words.
     return get_client(s, m.client) && (m.sensor <= Sensor::kMono || m.protocol != kProtocol);

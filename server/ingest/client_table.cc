@@ -27,6 +27,9 @@ ClientTable::Answer ClientTable::on_state(const wire::ClientStateMessage& state,
   if (session.refresh_requests != state.refresh_requests)
     answer.events.push_back({ClientEvent::Kind::kRefresh, session.client, session.sensor});
   session.refresh_requests = state.refresh_requests;
+  if (state.finishing && !session.finishing)
+    answer.events.push_back({ClientEvent::Kind::kFinishing, session.client, session.sensor});
+  session.finishing = state.finishing;
   return answer;
 }
 
@@ -56,8 +59,11 @@ ClientTable::Answer ClientTable::join(const wire::ClientStateMessage& state,
                                   .sensor = state.sensor,
                                   .last_seen = now,
                                   .refresh_requests = state.refresh_requests,
+                                  .finishing = state.finishing,
                                   .runs = {state.client.epoch}};
   answer.events.push_back({ClientEvent::Kind::kJoined, state.client, state.sensor});
+  if (state.finishing)
+    answer.events.push_back({ClientEvent::Kind::kFinishing, state.client, state.sensor});
   return answer;
 }
 

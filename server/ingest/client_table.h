@@ -31,6 +31,7 @@ class ClientTable {
     Sensor sensor = Sensor::kRgbd;
     Clock::time_point last_seen;
     std::uint32_t refresh_requests = 0;
+    bool finishing = false;
     std::set<std::uint64_t> runs;  // epochs that keyframes have come from, its own included
 
     bool connected(Clock::time_point now) const { return now - last_seen < kSilence; }

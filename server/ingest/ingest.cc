@@ -175,7 +175,7 @@ std::vector<ChannelUse> Ingest::Parts::close_sessions(const ClientTable::Answer&
 void Ingest::Parts::tell(const std::vector<ClientEvent>& events) {
   for (const ClientEvent& event : events) {
     const bool joined = event.kind == ClientEvent::Kind::kJoined;
-    if (event.kind != ClientEvent::Kind::kRefresh)
+    if (joined || event.kind == ClientEvent::Kind::kLeft)
       log::debug("client {} {}", event.client.name, joined ? "joined" : "left");
     if (options.on_event) options.on_event(event);
   }

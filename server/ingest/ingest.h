@@ -38,6 +38,7 @@ struct ClientEvent {
     kJoined,   // a new run of a client, or one that the server did not know since its own start:
                // send it a full refresh first
     kRefresh,  // has missed an update: the next one must be a full refresh
+    kFinishing,  // has made its last keyframe and waits for the last corrections
     kLeft,     // said goodbye, was silent for long, or another run has taken its place
   };
   Kind kind = Kind::kJoined;

@@ -129,12 +129,12 @@ std::uint32_t Vocabulary::word_of(const Descriptor& descriptor, std::size_t widt
   return word_of_node_[beam.node(0)];
 }
 
-Words Vocabulary::words(std::span<const Descriptor> descriptors) const {
+Words Vocabulary::words(std::span<const Descriptor> descriptors, std::size_t beam) const {
   Words words;
   words.word_of_feature.reserve(descriptors.size());
   words.branch_of_feature.reserve(descriptors.size());
   for (const Descriptor& descriptor : descriptors) {
-    const std::uint32_t word = word_of(descriptor);
+    const std::uint32_t word = word_of(descriptor, beam);
     words.word_of_feature.push_back(word);
     words.branch_of_feature.push_back(branch_of_word_[word]);
   }

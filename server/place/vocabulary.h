@@ -49,10 +49,12 @@ class Vocabulary {
   static Result<Vocabulary> make(VocabularyTree tree);
   // Errors: kNotFound, kVersion, kCorrupt; messages name the file.
   static Result<Vocabulary> load(const std::string& path);
+  // The same from memory; `name` stands for the path in messages.
+  static Result<Vocabulary> read(std::span<const char> file, const std::string& name);
   // The file is there whole or not at all.
   Status save(const std::string& path) const;
 
-  Words words(std::span<const Descriptor> descriptors) const;
+  Words words(std::span<const Descriptor> descriptors, std::size_t beam = kBeam) const;
   // With `beam` = 1 the plain descent, beyond kMaxBeam as with kMaxBeam.
   std::uint32_t word_of(const Descriptor& descriptor, std::size_t beam = kBeam) const;
 

@@ -19,6 +19,7 @@ struct Header {
   std::uint64_t checksum = 0;
 };
 static_assert(sizeof(Header) == 32);
+constexpr std::uintmax_t kMaxFile = 256 << 20;
 
 std::uintmax_t size_of(const Header& header) {
   return sizeof header + std::uintmax_t{header.nodes} * (sizeof(Descriptor) + 1) +
@@ -100,27 +101,37 @@ Status Vocabulary::save(const std::string& path) const {
 
 Result<Vocabulary> Vocabulary::load(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
-  if (!in) return {ErrorCode::kNotFound, "cannot read " + path + ": " + std::strerror(errno)};
-  Header header;
-  if (!in.read(reinterpret_cast<char*>(&header), sizeof header))
-    return damaged(path, "it is too short");
-  if (const Status status = check(header, path); !status) return status.error();
-  // Before memory is asked for.
   std::error_code error;
   const std::uintmax_t bytes = std::filesystem::file_size(path, error);
-  if (error || bytes != size_of(header)) return damaged(path, "it has not the size that it says");
+  if (!in || error)
+    return {ErrorCode::kNotFound, "cannot read " + path + ": " + std::strerror(errno)};
+  // Before memory is asked for.
+  if (bytes > kMaxFile) return damaged(path, "it is far too large");
+  std::vector<char> file(bytes);
+  if (!in.read(file.data(), static_cast<std::streamsize>(bytes)))
+    return damaged(path, "it can't be read to its end");
+  return read(file, path);
+}
+
+Result<Vocabulary> Vocabulary::read(std::span<const char> file, const std::string& name) {
+  Header header;
+  if (file.size() < sizeof header) return damaged(name, "it is too short");
+  std::memcpy(&header, file.data(), sizeof header);
+  if (const Status status = check(header, name); !status) return status.error();
+  if (file.size() != size_of(header)) return damaged(name, "it has not the size that it says");
   VocabularyTree tree;
   tree.branch_level = header.branch_level;
   tree.centres.resize(header.nodes);
   tree.child_counts.resize(header.nodes);
   tree.weights.resize(header.words);
+  const char* at = file.data() + sizeof header;
   for_each_array(tree, [&](auto& array) {
-    in.read(reinterpret_cast<char*>(array.data()), static_cast<std::streamsize>(bytes_of(array)));
+    std::memcpy(array.data(), at, bytes_of(array));
+    at += bytes_of(array);
   });
-  if (!in) return damaged(path, "it can't be read to its end");
-  if (checksum_of(tree) != header.checksum) return damaged(path, "its checksum is wrong");
+  if (checksum_of(tree) != header.checksum) return damaged(name, "its checksum is wrong");
   auto vocabulary = make(std::move(tree));
-  if (!vocabulary) return damaged(path, vocabulary.message());
+  if (!vocabulary) return damaged(name, vocabulary.message());
   return vocabulary;
 }
 

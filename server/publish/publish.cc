@@ -44,11 +44,12 @@ std::optional<LandmarkId> name_now(const Map& map, LandmarkId id) {
 }  // namespace
 
 std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t mapped_keyframes,
-                                                Kind kind) {
+                                                Kind kind, bool settled) {
   const bool refresh = kind == Kind::kRefresh || map_ != map.id;
   if (refresh) start_over();
   const bool news =
-      refresh || mapped_keyframes != mapped_keyframes_ || map.merge_epoch != merge_epoch_;
+      refresh || mapped_keyframes != mapped_keyframes_ || map.merge_epoch != merge_epoch_ ||
+      settled != settled_;
   ++differences_;
   MapUpdate update;
   if (!refresh) follow_loops(map, update);
@@ -56,6 +57,7 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
   update.merge_epoch = merge_epoch_ = map.merge_epoch;
   update.epoch = epoch_;
   update.mapped_keyframes = mapped_keyframes_ = mapped_keyframes;
+  update.settled = settled_ = settled;
   map_ = map.id;
 
   compare_keyframes(map, mapped_keyframes, update);

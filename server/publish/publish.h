@@ -51,8 +51,9 @@ class ClientView {
   // What to tell the client; from then on it is taken as told. Nothing when there is nothing to
   // tell. The first update and the first one from another map are refreshes. Keyframes 0 ..
   // mapped_keyframes-1 of the client have been through local mapping.
+  // `settled`: the client is finishing and no more corrections are under way.
   std::optional<MapUpdate> difference(const Map& map, std::uint32_t mapped_keyframes,
-                                      Kind kind = Kind::kChanges);
+                                      Kind kind = Kind::kChanges, bool settled = false);
 
   std::size_t known_landmarks() const { return slot_of_.size(); }
 
@@ -99,6 +100,7 @@ class ClientView {
   std::uint64_t revision_ = 0;  // of the stream of updates
   std::optional<MapId> map_;    // that the client has been told about
   std::uint32_t merge_epoch_ = 0, mapped_keyframes_ = 0;
+  bool settled_ = false;  // as told
   std::uint64_t differences_ = 0;
 
   std::vector<OwnKeyframe> keyframes_;  // by sequence
