@@ -49,8 +49,8 @@ std::vector<DataSet> data_sets(const std::optional<fs::path>& data, bool quick) 
       embedded("turn", "office, once round on the spot, motion blur", Role::kHard, "turn", "",
                frames),
       embedded("weak", "weakly textured room", Role::kHard, "weak", "", frames),
-      embedded("weak_blur", "weakly textured room, motion blur", Role::kHard, "weak", "&blur=30",
-               frames),
+      embedded("weak_blur", "weakly textured room, motion blur", Role::kHard, "weak", "&blur=20",
+               frames * 2 / 3),
       embedded("textureless", "textureless room", Role::kTextureless, "textureless", "", frames)};
   if (const auto folder = testing::recording(kRpy))
     sets.push_back({"fr1_rpy", "TUM freiburg1 rpy, first 240 frames", Role::kHard, "", *folder});

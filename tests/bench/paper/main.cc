@@ -23,8 +23,22 @@ void say(const std::string& line) {
   std::cerr << line << std::endl;
 }
 
-MatchingTable match(const ViewSet& set) {
-  MatchingTable table{&set, methods(), {}};
+// Table 1's rows, and one for each further variant.
+Result<std::vector<Method>> rows_of(const std::vector<Variant>& variants) {
+  std::vector<ExtractorOptions> options;
+  for (const Variant& variant : variants) {
+    const auto config = client_config(variant);
+    if (!config) return config.error();
+    options.push_back(config->frontend.extractor);
+  }
+  std::vector<Method> all = methods(options[0], options[1]);
+  for (std::size_t i = 2; i < variants.size(); ++i)
+    all.push_back({fmt::format("the same, `{}`", variants[i].name), options[i]});
+  return all;
+}
+
+MatchingTable match(const ViewSet& set, const std::vector<Method>& all) {
+  MatchingTable table{&set, all, {}};
   for (const Method& method : table.methods) table.results.push_back(match_views(set, method));
   say(fmt::format("matched {}: {} pairs", set.title, set.pairs.size()));
   return table;
@@ -35,8 +49,8 @@ struct AllViews {
   std::deque<ViewSet> rotated, adjacent;
 };
 Status make_views(const std::vector<DataSet>& sets, bool quick, AllViews& views) {
-  for (const char* scene : {"desk", "weak"}) {
-    auto set = rotated_pairs(scene, quick ? 10 : 40);
+  for (const char* scene : {"desk", "weak", "bare"}) {
+    auto set = rotated_pairs(scene, quick ? 20 : 60);
     if (!set) return set.error();
     views.rotated.push_back(*set);
   }
@@ -49,15 +63,16 @@ Status make_views(const std::vector<DataSet>& sets, bool quick, AllViews& views)
     if (data.name != "fr1_rpy" && data.name != "fr1_360") continue;
     auto set = adjacent_frames(data.folder, data.title);
     if (!set) return set.error();
-    views.rotated.push_back(rotated_pairs(*set, quick ? 10 : 60));
+    views.rotated.push_back(rotated_pairs(*set, quick ? 30 : 100));
     views.adjacent.push_back(*set);
   }
   return {};
 }
 
-// "name={block: 16}"
+// Without sharpening, as by default, with the paper's own threshold; more: "name={block: 16}".
 Result<std::vector<Variant>> variants(const std::vector<std::string>& more) {
-  std::vector<Variant> all = {{"off", "{mode: off}"}, {"on", std::nullopt}};
+  std::vector<Variant> all = {
+      {"off", "{mode: off}"}, {"on", std::nullopt}, {"paper", "{min_threshold: 0}"}};
   for (const std::string& text : more) {
     const auto equals = text.find('=');
     if (equals == std::string::npos)
@@ -98,8 +113,10 @@ Status experiments(const Arguments& arguments, bool& holds) {
   std::vector<MatchingTable> rotated, adjacent;
   if (!arguments.no_matching) {
     if (Status s = make_views(sets, arguments.quick, views); !s) return s;
-    for (const ViewSet& set : views.rotated) rotated.push_back(match(set));
-    for (const ViewSet& set : views.adjacent) adjacent.push_back(match(set));
+    const auto rows = rows_of(*all);
+    if (!rows) return rows.error();
+    for (const ViewSet& set : views.rotated) rotated.push_back(match(set, *rows));
+    for (const ViewSet& set : views.adjacent) adjacent.push_back(match(set, *rows));
   }
   std::vector<RunTable> runs;
   for (const DataSet& set : sets) {

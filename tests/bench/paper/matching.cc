@@ -136,13 +136,8 @@ cv::Mat draw_method(const ViewSet& set, std::size_t pair, const Method& method) 
 
 }  // namespace
 
-std::vector<Method> methods() {
-  const ExtractorOptions sharpening;
-  ExtractorOptions plain;
-  plain.entropy.mode = EntropyMode::kOff;
-  return {{"ORB", plain},
-          {"ORB + entropy", sharpening, true},
-          {"ORB + entropy + sharpening", sharpening}};
+std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on) {
+  return {{"ORB", off}, {"ORB + entropy", on, true}, {"ORB + entropy + sharpening", on}};
 }
 
 MatchingResult match_views(const ViewSet& set, const Method& method) {

@@ -20,8 +20,8 @@ struct Method {
   // entropy" does with such blocks; this is our reading.
   bool leave_out_poor_blocks = false;
 };
-// Plain ORB; with entropy; with entropy and sharpening as cairn-client does it by default.
-std::vector<Method> methods();
+// Of ExtractorOptions with and without sharpening: plain ORB, with entropy, with both.
+std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on);
 
 struct PairMatches {
   double key_points = 0;  // mean of the two views

@@ -13,9 +13,9 @@ namespace {
 
 using std::chrono::seconds;
 
-Result<std::string> config_text(const DataSet& set, const Variant& variant) {
+Result<std::string> config_text(const std::filesystem::path& base, const Variant& variant) {
   try {
-    YAML::Node config = YAML::LoadFile(base_config(set).string());
+    YAML::Node config = YAML::LoadFile(base.string());
     if (variant.sharpen) config["frontend"]["sharpen"] = YAML::Load(*variant.sharpen);
     std::ostringstream text;
     text << config << '\n';
@@ -32,8 +32,17 @@ int count(const testing::Process& client, const char* name) {
 
 }  // namespace
 
+Result<ClientConfig> client_config(const Variant& variant) {
+  DataSet any;
+  any.synth = "any";
+  const auto text = config_text(base_config(any), variant);
+  if (!text) return text.error();
+  const testing::Deployment folder;
+  return load_client_config(folder.write("config.yaml", *text));
+}
+
 Result<RunResult> run_client(const DataSet& set, const RunInput& input, const Variant& variant) {
-  const auto config = config_text(set, variant);
+  const auto config = config_text(base_config(set), variant);
   if (!config) return config.error();
   testing::Deployment deployment;
   const auto server = deployment.server();

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "client/client_config.h"
 #include "server/tool/evaluation.h"
 #include "tests/bench/paper/data_sets.h"
 
@@ -14,6 +15,9 @@ struct Variant {
   std::string name;                    // short, without blanks
   std::optional<std::string> sharpen;  // the config's frontend.sharpen, YAML; unset: as it stands
 };
+
+// What cairn-client makes of the variant, without a camera. Error: not understood.
+Result<ClientConfig> client_config(const Variant& variant);
 
 struct RunResult {
   // At least half of the frames were tracked and the trajectory could be judged. If not, only the
