@@ -15,6 +15,8 @@ const SideLandmark& of(const Side& side, int landmark) {
   return side.landmarks[static_cast<std::size_t>(landmark)];
 }
 
+constexpr int kColumns = 8, kRows = 6;
+
 // In how many cells of a side's own first image the points of that side show.
 int occupied_cells(const Side& side, const std::vector<int>& landmarks) {
   const PinholeCamera& camera = side.views.front().node->rig().camera;
@@ -25,42 +27,58 @@ int occupied_cells(const Side& side, const std::vector<int>& landmarks) {
     const Eigen::Vector2d pixel = camera.project(p);
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= camera.width || pixel.y() >= camera.height)
       continue;
-    cells.emplace(static_cast<int>(pixel.x() * ImageEvidence::kColumns / camera.width),
-                  static_cast<int>(pixel.y() * ImageEvidence::kRows / camera.height));
+    cells.emplace(static_cast<int>(pixel.x() * kColumns / camera.width),
+                  static_cast<int>(pixel.y() * kRows / camera.height));
   }
   return static_cast<int>(cells.size());
 }
 
 // --- Is it more than one object?
 
+// Directions as seen from a side's first camera, in steps of about 9 degrees: parts of the scene.
+using Part = std::pair<int, int>;
+Part part_of(const Eigen::Vector3d& p) {
+  constexpr double kStep = 0.16;  // radians
+  return {static_cast<int>(std::floor(std::atan2(p.x(), p.z()) / kStep)),
+          static_cast<int>(std::floor(std::atan2(p.y(), std::hypot(p.x(), p.z())) / kStep))};
+}
+
 struct Balance {
-  int confirmed = 0, contradicted = 0;  // cells
-  int expected = 0, found = 0;          // landmarks
+  int confirmed = 0, contradicted = 0;  // parts
+  int expected = 0, found = 0;          // sights
 };
 
-// A cell says yes where a fifth of what should be there is found, no where next to nothing is; from
-// fewer landmarks nothing follows.
-void weigh(const ImageEvidence& image, Balance& balance) {
-  constexpr int kEnough = 5;
-  for (const Cell& cell : image.cells) {
-    balance.expected += cell.expected;
-    balance.found += cell.found;
-    if (cell.expected < kEnough) continue;
-    if (5 * cell.found >= cell.expected) ++balance.confirmed;
-    if (20 * cell.found < cell.expected) ++balance.contradicted;
+// A part of the scene says no where none of its landmarks is found anywhere, though each should
+// show in two images at least or in the only one there is; it says yes where a fourth of them are.
+// From fewer than two landmarks nothing follows.
+void weigh(const Side& side, const std::vector<Sought>& sought, std::size_t images,
+           Balance& balance) {
+  std::map<Part, Sought> parts;  // landmarks that should be found, and those that are
+  for (std::size_t l = 0; l < sought.size(); ++l) {
+    balance.expected += sought[l].expected;
+    balance.found += sought[l].found;
+    if (sought[l].expected < std::min<int>(2, static_cast<int>(images))) continue;
+    Sought& part = parts[part_of(side.landmarks[l].position)];
+    ++part.expected;
+    part.found += sought[l].found > 0 ? 1 : 0;
+  }
+  for (const auto& [where, part] : parts) {
+    if (part.expected < 2) continue;
+    if (4 * part.found >= part.expected) ++balance.confirmed;
+    if (20 * part.found < part.expected) ++balance.contradicted;
   }
 }
 
-std::string doubt_surroundings(const Evidence& evidence, const VerifyOptions& options,
-                               Verification& v) {
+std::string doubt_surroundings(const Side& query, const Side& candidate, const Evidence& evidence,
+                               const VerifyOptions& options, Verification& v) {
   Balance balance;
-  for (const auto& image : evidence.query) weigh(image, balance);
-  for (const auto& image : evidence.candidate) weigh(image, balance);
+  weigh(query, evidence.query, candidate.views.size(), balance);
+  weigh(candidate, evidence.candidate, query.views.size(), balance);
   v.found = balance.expected ? static_cast<double>(balance.found) / balance.expected : 0;
   const int judged = balance.confirmed + balance.contradicted;
   v.contradicted = judged ? static_cast<double>(balance.contradicted) / judged : 1;
   if (v.contradicted > options.max_contradicted)
-    return fmt::format("the surroundings differ: {} of {} parts of the images contradict",
+    return fmt::format("the surroundings differ: {} of {} parts of the scene contradict",
                        balance.contradicted, judged);
   if (v.found < options.min_found)
     return fmt::format("only {} of the {} landmarks that should show are found", balance.found,
@@ -188,7 +206,7 @@ std::string doubt(const Side& query, const Side& candidate, const Matches& match
   if (std::min(v.cells_query, v.cells_candidate) < options.min_cells)
     return fmt::format("inliers lie in {} and {} parts of the images, fewer than {}", v.cells_query,
                        v.cells_candidate, options.min_cells);
-  std::string why = doubt_surroundings(grown.evidence, options, v);
+  std::string why = doubt_surroundings(query, candidate, grown.evidence, options, v);
   if (why.empty()) why = doubt_extent(candidate, of_candidate, options);
   if (why.empty())
     why = doubt_uniqueness(query, candidate, matches, candidate_from_query, grown, options, v);

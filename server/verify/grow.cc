@@ -16,12 +16,6 @@ constexpr double kMinCosine = 0.5;  // of the angle between normal and line of s
 constexpr double kHides = 0.85;
 constexpr float kHideRadius = 20;
 
-int cell_of(const PinholeCamera& camera, const Eigen::Vector2d& pixel) {
-  const int column = static_cast<int>(pixel.x() * ImageEvidence::kColumns / camera.width);
-  const int row = static_cast<int>(pixel.y() * ImageEvidence::kRows / camera.height);
-  return row * ImageEvidence::kColumns + column;
-}
-
 // How often two landmarks were found to be one.
 using Votes = std::map<std::pair<int, int>, int>;  // query's, candidate's
 
@@ -35,21 +29,20 @@ class Search {
   // `found(landmark of from, landmark of into)` for each that is found at a feature which shows a
   // landmark.
   template <typename Found>
-  std::vector<ImageEvidence> run(Found&& found) {
-    std::vector<ImageEvidence> all(into_.views.size());
-    for (std::size_t v = 0; v < into_.views.size(); ++v) {
-      view_ = &into_.views[v];
-      camera_ = &view_->node->rig().camera;
-      camera_from_other_ = Sim3(view_->camera_from_primary) * transform_;
+  std::vector<Sought> run(Found&& found) {
+    std::vector<Sought> all(from_.landmarks.size());
+    for (const SideView& view : into_.views) {
+      view_ = &view;
+      camera_ = &view.node->rig().camera;
+      camera_from_other_ = Sim3(view.camera_from_primary) * transform_;
       for (std::size_t l = 0; l < from_.landmarks.size(); ++l) {
         if (!project(from_.landmarks[l])) continue;
-        Cell& cell = all[v].cells[static_cast<std::size_t>(cell_of(*camera_, pixel_))];
         const auto feature = find(from_.landmarks[l]);
         if (!feature && is_hidden()) continue;
-        ++cell.expected;
+        ++all[l].expected;
         if (!feature) continue;
-        ++cell.found;
-        const auto own = into_.index.find(view_->node->landmarks[*feature]);
+        ++all[l].found;
+        const auto own = into_.index.find(view.node->landmarks[*feature]);
         if (own != into_.index.end()) found(static_cast<int>(l), own->second);
       }
     }

@@ -2,25 +2,21 @@
 // in the other's images. Private to server/verify.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "server/verify/consensus.h"
 
 namespace cairn {
 
-// What became of the landmarks that should show in a part of an image.
-struct Cell {
+// What became of a landmark in the other side's images: in how many it should show, and in how many
+// of those it was found. Images where something stands before it don't count.
+struct Sought {
   int expected = 0, found = 0;
 };
-struct ImageEvidence {
-  static constexpr int kColumns = 8, kRows = 6;
-  std::array<Cell, kColumns * kRows> cells;
-};
 
-// Of each image of both sides, as the other side's landmarks should show there.
+// Of every landmark of each side.
 struct Evidence {
-  std::vector<ImageEvidence> query, candidate;
+  std::vector<Sought> query, candidate;
 };
 
 struct Grown {
