@@ -1,8 +1,8 @@
-#include "server/place/flann_words.h"
+#include "tests/bench/place/flann_words.h"
 
 #include <flann/flann.hpp>
 
-namespace cairn {
+namespace cairn::bench {
 namespace {
 
 using Matrix = flann::Matrix<unsigned char>;
@@ -46,4 +46,4 @@ std::vector<std::uint32_t> FlannWords::nearest(std::span<const Descriptor> descr
   return {indices.begin(), indices.end()};
 }
 
-}  // namespace cairn
+}  // namespace cairn::bench

@@ -1,5 +1,6 @@
 // Nearest of many binary descriptors by FLANN (Muja and Lowe 2012, "Fast matching of binary
-// features"): a forest of random hierarchical clusterings.
+// features"): a forest of random hierarchical clusterings. To compare the vocabulary's own look-up
+// with.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +11,7 @@
 
 #include "common/model/features.h"
 
-namespace cairn {
+namespace cairn::bench {
 
 struct FlannOptions {
   int trees = 4;
@@ -21,8 +22,8 @@ struct FlannOptions {
 
 class FlannWords {
  public:
-  // Keeps a copy of the descriptors. Seeds FLANN's generator, which is the program's rand(): the
-  // index is the same every time as long as no other thread draws from it meanwhile.
+  // Keeps a copy of the descriptors. Seeds FLANN's generator, which is the program's rand(), and
+  // yet finds slightly different words in each run.
   FlannWords(std::span<const Descriptor> words, const FlannOptions& options);
   ~FlannWords();
   FlannWords(FlannWords&&) noexcept;
@@ -35,4 +36,4 @@ class FlannWords {
   std::unique_ptr<Index> index_;
 };
 
-}  // namespace cairn
+}  // namespace cairn::bench
