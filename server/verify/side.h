@@ -39,7 +39,8 @@ struct Side {
   Sight sight(const SideLandmark& own, const Eigen::Vector3d& point_in_other, double slack) const;
 };
 
-// The keyframe and its most covisible ones, but for those in `without`.
+// The keyframe and up to `covisibles` of its most covisible ones, each with `min_shared` landmarks
+// in common with it or more.
 std::vector<KeyframeId> group_of(const Map& map, KeyframeId primary, int covisibles,
                                  int min_shared);
 

@@ -9,8 +9,8 @@
 #include "server/optimize/global_ba.h"
 #include "server/optimize/local_ba.h"
 #include "server/optimize/pose_graph.h"
-#include "tests/bench/bare_ba.h"
 #include "tests/bench/ring_world.h"
+#include "tests/unit/server/optimize/bare_ba.h"
 #include "tests/unit/server/optimize/known_map.h"
 
 namespace cairn {
@@ -63,9 +63,9 @@ void global_ba(benchmark::State& state) {
   state.counters["initial_cost"] = summary.initial_cost;
   state.counters["final_cost"] = summary.final_cost;
   state.counters["outliers"] = summary.outliers;
-  state.counters["rmse_before_m"] =
-      world.error([&](KeyframeId id) { return world.map.keyframes.at(id).map_from_camera; });
-  state.counters["rmse_m"] = world.error([&](KeyframeId id) { return poses.at(id); });
+  state.counters["rmse_before_mm"] =
+      1000 * world.error([&](KeyframeId id) { return world.map.keyframes.at(id).map_from_camera; });
+  state.counters["rmse_mm"] = 1000 * world.error([&](KeyframeId id) { return poses.at(id); });
 }
 BENCHMARK(global_ba)->Unit(benchmark::kSecond)->Iterations(1);
 
@@ -107,7 +107,7 @@ void global_ba_bare(benchmark::State& state) {
   state.counters["iterations"] = summary.iterations;
   state.counters["initial_cost"] = summary.initial_cost;
   state.counters["final_cost"] = summary.final_cost;
-  state.counters["rmse_m"] = world.error([&](KeyframeId id) {
+  state.counters["rmse_mm"] = 1000 * world.error([&](KeyframeId id) {
     const double* t = &problem.translations[std::size_t{3} * id.sequence];
     return Rigid3{Eigen::Quaterniond::Identity(), {t[0], t[1], t[2]}};
   });

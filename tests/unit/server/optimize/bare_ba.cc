@@ -1,4 +1,4 @@
-#include "tests/bench/bare_ba.h"
+#include "tests/unit/server/optimize/bare_ba.h"
 
 #include <ceres/ceres.h>
 
