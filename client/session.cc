@@ -115,6 +115,7 @@ Status Session::open() {
   link.partition = options_.config.partition;
   link.outbox = options_.outbox.empty() ? options_.name + ".outbox" : options_.outbox;
   link.no_server = options_.no_server;
+  link.lockstep = options_.lockstep;
   Result<std::unique_ptr<Link>> started = Link::start(link);
   if (!started) return started.error();
   link_ = std::move(*started);

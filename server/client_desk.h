@@ -35,6 +35,8 @@ class ClientDesk {
 
   // From any thread: whether a job without a keyframe waits for this desk; one at a time is enough.
   std::atomic<bool> event_waits = false;
+  // The client wants the answer to a keyframe after all that follows from it.
+  std::atomic<bool> lockstep = false;
 
  private:
   LocalMapping mapping_;

@@ -61,7 +61,7 @@ void LoopCloser::push(Task task) {
     if (closed_) return;
     tasks_.push_back(task);
   }
-  changed_.notify_one();
+  changed_.notify_all();
 }
 
 void LoopCloser::offer(KeyframeId id) {
@@ -83,12 +83,20 @@ void LoopCloser::forget(std::uint64_t epoch) {
   settled_.erase(epoch);
 }
 
+void LoopCloser::wait_idle() {
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return closed_ || (tasks_.empty() && !busy_); });
+  }
+  adjuster_.wait_idle();
+}
+
 void LoopCloser::close() {
   {
     std::lock_guard lock(mutex_);
     closed_ = true;
   }
-  changed_.notify_one();
+  changed_.notify_all();
   if (thread_.joinable()) thread_.join();
   adjuster_.stop();
 }
@@ -100,12 +108,17 @@ void LoopCloser::run() {
     if (tasks_.empty()) return;
     const Task task = tasks_.front();
     tasks_.pop_front();
+    busy_ = true;
     const bool behind = tasks_.size() > options_.max_waiting;
     lock.unlock();
     if (task.finish)
       settle(task.keyframe.epoch);
     else
       recognise(task.keyframe, task.index_only || behind);
+    lock.lock();
+    busy_ = false;
+    lock.unlock();
+    changed_.notify_all();
   }
 }
 

@@ -87,6 +87,10 @@ class LoopCloser {
   // The run goes on, or is over.
   void forget(std::uint64_t epoch);
 
+  // Until all that was offered is dealt with, global adjustment included. For runs that are to give
+  // the same every time.
+  void wait_idle();
+
   // Finishes what has been offered, without starting another global adjustment.
   void close();
 
@@ -128,7 +132,7 @@ class LoopCloser {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Task> tasks_;
-  bool closed_ = false;
+  bool busy_ = false, closed_ = false;
   std::set<std::uint64_t> finishing_, settled_;  // runs
 
   GlobalAdjuster adjuster_;

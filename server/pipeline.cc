@@ -160,6 +160,7 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   if (!desk) return;
   const bool finishing = event.kind == ClientEvent::Kind::kFinishing;
   if (closer_ && finishing) closer_->finish(event.client.epoch);
+  if (event.kind == ClientEvent::Kind::kJoined) desk->lockstep = event.lockstep;
   if (closer_ && left) closer_->forget(event.client.epoch);
   if (!left && !finishing) desk->refresh();
   if (!desk->event_waits.exchange(true)) jobs_.push(event.client, Job{});
@@ -200,6 +201,7 @@ void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job&
                             std::size_t backlog) {
   const LocalMappingReport report = desk.map_keyframe(job.keyframe, backlog);
   if (closer_) closer_->offer(job.keyframe);
+  if (closer_ && desk.lockstep) closer_->wait_idle();
   metrics_.mapping_ms.add(report.total_ms);
   ++metrics_.mapped;
   if (report.solved) metrics_.solving_ms.add(report.solve_ms);

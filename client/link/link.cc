@@ -96,7 +96,7 @@ Result<std::unique_ptr<Link>> Link::start(const LinkOptions& options) {
     p->connection = std::move(*connection);
   }
   p->uplink = std::make_unique<Uplink>(options.client, options.sensor, std::move(*outbox),
-                                       p->port(), Uplink::Timing{});
+                                       p->port(), Uplink::Timing{.lockstep = options.lockstep});
   p->downlink = std::make_unique<Downlink>(options.client, [p] { p->uplink->request_refresh(); });
   if (p->connection) {
     std::vector<dds::WaitLoop::Source> sources = {

@@ -30,6 +30,8 @@ struct LinkOptions {
   std::string partition = "cairn";  // the deployment's name
   std::filesystem::path outbox;     // made when missing, removed by stop() when all is delivered
   bool no_server = false;           // only fill the outbox; DDS is never started
+  // The server answers a keyframe only after all that follows from it (loops, global adjustment).
+  bool lockstep = false;
   std::string dds_config;           // XML instead of what CYCLONEDDS_URI names
 };
 

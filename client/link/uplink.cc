@@ -214,6 +214,7 @@ void Uplink::send_state(bool leaving) {
                                  .protocol = wire::kProtocol,
                                  .sensor = sensor_,
                                  .refresh_requests = 0,
+                                 .lockstep = timing_.lockstep,
                                  .finishing = false,
                                  .leaving = leaving};
   {

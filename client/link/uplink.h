@@ -42,6 +42,7 @@ class Uplink {
     // A refusal that lasts longer is final. The server refuses the successor of a crashed client
     // until it has missed the predecessor's heartbeats.
     std::chrono::milliseconds refusal_patience{6000};
+    bool lockstep = false;  // see LinkOptions
   };
   struct Stats {
     bool connected = false;

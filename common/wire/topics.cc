@@ -109,6 +109,7 @@ struct Mapping<ClientStateMessage> {
     s.protocol = m.protocol;
     s.sensor = static_cast<std::uint8_t>(m.sensor);
     s.refresh_requests = m.refresh_requests;
+    s.lockstep = m.lockstep;
     s.finishing = m.finishing;
     s.leaving = m.leaving;
   }
@@ -116,6 +117,7 @@ struct Mapping<ClientStateMessage> {
     m.protocol = s.protocol;
     m.sensor = static_cast<Sensor>(s.sensor);
     m.refresh_requests = s.refresh_requests;
+    m.lockstep = s.lockstep;
     m.finishing = s.finishing;
     m.leaving = s.leaving;
     // A later protocol may know more sensors; that client is refused in words.

@@ -46,6 +46,7 @@ struct ClientStateMessage {
   std::uint32_t protocol = kProtocol;
   Sensor sensor = Sensor::kRgbd;
   std::uint32_t refresh_requests = 0;
+  bool lockstep = false;
   bool finishing = false;
   bool leaving = false;
 };

@@ -25,10 +25,10 @@ ClientTable::Answer ClientTable::on_state(const wire::ClientStateMessage& state,
   Answer answer;
   session.last_seen = now;
   if (session.refresh_requests != state.refresh_requests)
-    answer.events.push_back({ClientEvent::Kind::kRefresh, session.client, session.sensor});
+    answer.events.push_back({ClientEvent::Kind::kRefresh, session.client, session.sensor, {}});
   session.refresh_requests = state.refresh_requests;
   if (state.finishing && !session.finishing)
-    answer.events.push_back({ClientEvent::Kind::kFinishing, session.client, session.sensor});
+    answer.events.push_back({ClientEvent::Kind::kFinishing, session.client, session.sensor, {}});
   session.finishing = state.finishing;
   return answer;
 }
@@ -37,7 +37,7 @@ ClientTable::Answer ClientTable::leave(const wire::ClientStateMessage& state) {
   Answer answer;
   const auto it = sessions_.find(state.client.name);
   if (it == sessions_.end() || it->second.client != state.client) return answer;
-  answer.events.push_back({ClientEvent::Kind::kLeft, state.client, it->second.sensor});
+  answer.events.push_back({ClientEvent::Kind::kLeft, state.client, it->second.sensor, {}});
   answer.ended.push_back(std::move(it->second));
   sessions_.erase(it);
   return answer;
@@ -52,7 +52,7 @@ ClientTable::Answer ClientTable::join(const wire::ClientStateMessage& state,
     return answer;
   }
   if (it != sessions_.end()) {
-    answer.events.push_back({ClientEvent::Kind::kLeft, it->second.client, it->second.sensor});
+    answer.events.push_back({ClientEvent::Kind::kLeft, it->second.client, it->second.sensor, {}});
     answer.ended.push_back(std::move(it->second));
   }
   sessions_[state.client.name] = {.client = state.client,
@@ -61,9 +61,10 @@ ClientTable::Answer ClientTable::join(const wire::ClientStateMessage& state,
                                   .refresh_requests = state.refresh_requests,
                                   .finishing = state.finishing,
                                   .runs = {state.client.epoch}};
-  answer.events.push_back({ClientEvent::Kind::kJoined, state.client, state.sensor});
+  answer.events.push_back(
+      {ClientEvent::Kind::kJoined, state.client, state.sensor, state.lockstep});
   if (state.finishing)
-    answer.events.push_back({ClientEvent::Kind::kFinishing, state.client, state.sensor});
+    answer.events.push_back({ClientEvent::Kind::kFinishing, state.client, state.sensor, {}});
   return answer;
 }
 
@@ -75,7 +76,7 @@ ClientTable::Answer ClientTable::expire(Clock::time_point now, std::chrono::mill
       ++it;
       continue;
     }
-    answer.events.push_back({ClientEvent::Kind::kLeft, session.client, session.sensor});
+    answer.events.push_back({ClientEvent::Kind::kLeft, session.client, session.sensor, {}});
     answer.ended.push_back(std::move(session));
     it = sessions_.erase(it);
   }

@@ -44,6 +44,7 @@ struct ClientEvent {
   Kind kind = Kind::kJoined;
   ClientId client;
   Sensor sensor = Sensor::kRgbd;
+  bool lockstep = false;  // wants the answer to a keyframe after all that follows from it
 };
 
 struct ClientInfo {
