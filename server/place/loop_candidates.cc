@@ -8,6 +8,9 @@
 namespace cairn {
 namespace {
 
+// Matches that are looked at, the best ones: what comes after so many leads no group.
+constexpr std::size_t kMostGrouped = 200;
+
 // The query, what it shares `least` landmarks with, and what shares as many with those.
 std::unordered_set<KeyframeId> near_by(const Map& map, KeyframeId query, int least) {
   std::unordered_set<KeyframeId> near{query};
@@ -74,11 +77,21 @@ std::vector<LoopCandidate> grouped(const Map& map, const std::vector<PlaceMatch>
   return candidates;
 }
 
+KeyframeId root_of(const Map& map, KeyframeId id) {
+  while (map.keyframes.at(id).parent.is_valid()) id = map.keyframes.at(id).parent;
+  return id;
+}
+
+// A common root of the spanning tree tells quickly that two are connected. Where that says nothing
+// (parts that were merged keep their roots) the whole part is visited.
 void mark_other_islands(const Map& map, KeyframeId query, std::vector<LoopCandidate>& candidates) {
-  if (candidates.empty()) return;
-  const std::vector<KeyframeId> island = connected_keyframes(map, query);
-  for (LoopCandidate& candidate : candidates)
+  const KeyframeId root = root_of(map, query);
+  std::vector<KeyframeId> island;
+  for (LoopCandidate& candidate : candidates) {
+    if (root_of(map, candidate.keyframe) == root) continue;
+    if (island.empty()) island = connected_keyframes(map, query);
     candidate.other_island = !std::binary_search(island.begin(), island.end(), candidate.keyframe);
+  }
 }
 
 }  // namespace
@@ -90,9 +103,10 @@ std::vector<LoopCandidate> LoopCandidates::find(const Map& map, const PlaceIndex
   if (words && map.keyframes.contains(query)) {
     const auto near = near_by(map, query, options_.near_shared);
     const double bar = bar_of(map, index, query, words->bag, options_);
-    const auto matches = index.query(words->bag, bar, [&](KeyframeId id) {
+    auto matches = index.query(words->bag, bar, [&](KeyframeId id) {
       return !near.contains(id) && map.keyframes.contains(id);
     });
+    if (matches.size() > kMostGrouped) matches.resize(kMostGrouped);
     candidates = grouped(map, matches, options_);
     if (!candidates.empty()) {
       const double least = options_.group_share * candidates.front().group_score;

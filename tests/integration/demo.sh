@@ -85,13 +85,33 @@ start_client() {
 # The number behind a name in a client's report.
 reported() { awk -v name="$2" '$1 == name { print $2 }' "$out/$1.report"; }
 
+rmse_in() {
+  awk '/"ate_m"/ { here = 1 } here && /"rmse"/ { gsub(/[^0-9.e+-]/, "", $2); print $2; exit }' "$1"
+}
+
 # The RMSE of the absolute trajectory error, metres.
 ate() {
   "$bin/cairn" synth --scene "$SCENE" --path "$2" --frames "$frames" --poses-only \
     --out "$out/$1.truth.tum" >/dev/null
   "$bin/cairn" eval "$out/$1.truth.tum" "$out/$1.tum" --json >"$out/$1.eval.json"
-  awk '/"ate_m"/ { here = 1 } here && /"rmse"/ { gsub(/[^0-9.e+-]/, "", $2); print $2; exit }' \
-    "$out/$1.eval.json"
+  rmse_in "$out/$1.eval.json"
+}
+
+days_later() {
+  awk -v shift=$(($1 * 86400)) '/^#/ { next }
+    { printf "%.6f", $1 + shift; for (f = 2; f <= 8; ++f) printf " %s", $f; print "" }'
+}
+
+# Of all clients together with one alignment: small only when they are in one map. Each gets stamps
+# of its own, a day apart.
+joint_ate() {
+  local i
+  for i in "${!CLIENTS[@]}"; do
+    days_later "$i" <"$out/${CLIENTS[i]}.truth.tum" >>"$out/joint.truth.tum"
+    days_later "$i" <"$out/${CLIENTS[i]}.tum" >>"$out/joint.tum"
+  done
+  "$bin/cairn" eval "$out/joint.truth.tum" "$out/joint.tum" --json >"$out/joint.eval.json"
+  rmse_in "$out/joint.eval.json"
 }
 
 print_row() { printf '%-8s %7s %8s %8s %10s %9s %12s %14s %8s %10s\n' "$@"; }
@@ -130,6 +150,8 @@ print_table
 echo "(ATE: RMSE of the corrected trajectory after alignment; tracking, correction: medians;"
 echo " dropped: frames that came while tracking was busy, as with a camera)"
 echo
-echo "Map $out/map.db: what each client saw, not merged yet"
+joint=$(joint_ate)
+printf 'One map, %s: ATE of both clients together, one alignment: %.4f m\n' "$out/map.db" "$joint"
+awk -v e="$joint" -v max="$MAX_ATE" 'BEGIN { exit !(e + 0 <= max) }' || too_far+=("both together")
 "$bin/cairn" map info "$out/map.db" | sed 's/^/  /'
 [[ ${#too_far[@]} -eq 0 ]] || die "ATE above $MAX_ATE m: ${too_far[*]}"

@@ -46,12 +46,12 @@ std::vector<DataSet> data_sets(const std::optional<fs::path>& data, bool quick) 
   const int frames = quick ? 120 : 240;
   std::vector<DataSet> sets = {
       embedded("desk", "office, looking at a desk", Role::kOrdinary, "desk", "", frames),
+      embedded("weak", "weakly textured room", Role::kHard, "weak", "", frames),
+      embedded("textureless", "textureless room", Role::kTextureless, "textureless", "", frames),
       embedded("turn", "office, once round on the spot, motion blur", Role::kHard, "turn", "",
                frames),
-      embedded("weak", "weakly textured room", Role::kHard, "weak", "", frames),
       embedded("weak_blur", "weakly textured room, motion blur", Role::kHard, "weak", "&blur=20",
-               frames * 2 / 3),
-      embedded("textureless", "textureless room", Role::kTextureless, "textureless", "", frames)};
+               frames * 2 / 3)};
   if (const auto folder = testing::recording(kRpy))
     sets.push_back({"fr1_rpy", "TUM freiburg1 rpy, first 240 frames", Role::kHard, "", *folder});
   if (data) add_recordings(*data, sets);
