@@ -85,6 +85,7 @@ KeyframeId root_of(const Map& map, KeyframeId id) {
 // A common root of the spanning tree tells quickly that two are connected. Where that says nothing
 // (parts that were merged keep their roots) the whole part is visited.
 void mark_other_islands(const Map& map, KeyframeId query, std::vector<LoopCandidate>& candidates) {
+  if (candidates.empty()) return;  // perhaps because the map does not have the query
   const KeyframeId root = root_of(map, query);
   std::vector<KeyframeId> island;
   for (LoopCandidate& candidate : candidates) {
