@@ -98,6 +98,9 @@ Status Pipeline::start_closing_loops() {
   Result<Vocabulary> vocabulary =
       config_.vocabulary.empty() ? default_vocabulary() : Vocabulary::load(config_.vocabulary);
   if (!vocabulary) return vocabulary.error();
+  LoopCloserOptions options;
+  options.verify = config_.verify;
+  options.window.max_free = static_cast<std::size_t>(config_.local_window);
   LoopCloserHooks hooks;
   hooks.solve = solve;
   if (!config_.map_file.empty())

@@ -30,6 +30,12 @@ Result<ServerConfig> load_server_config(const std::string& path) {
   if (auto loops = root.optional_section("loops")) {
     config.close_loops = loops->flag_or("close", config.close_loops);
     config.vocabulary = loops->text_or("vocabulary", config.vocabulary);
+    VerifyOptions& v = config.verify;
+    v.min_inliers = static_cast<int>(loops->integer_or("min_inliers", v.min_inliers, {10, 1000}));
+    v.min_cells = static_cast<int>(loops->integer_or("min_cells", v.min_cells, {1, 48}));
+    v.min_found = loops->number_or("min_found", v.min_found, {0, 1});
+    v.max_contradicted = loops->number_or("max_contradicted", v.max_contradicted, {0, 1});
+    v.max_rival = loops->number_or("max_rival", v.max_rival, {0, 1});
   }
   if (Status done = root.finish(); !done) return done.error();
   return config;

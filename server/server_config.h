@@ -6,6 +6,7 @@
 #include <string>
 
 #include "common/util/status.h"
+#include "server/verify/verify.h"
 
 namespace cairn {
 
@@ -23,6 +24,7 @@ struct ServerConfig {
   int local_window = 15;
   bool close_loops = true;
   std::string vocabulary;  // empty: the one that is built in
+  VerifyOptions verify;    // what a loop must show to be believed
 };
 
 // One line with file, key and line on what is wrong.
