@@ -35,6 +35,8 @@ class ClientDesk {
 
   // From any thread: whether a job without a keyframe waits for this desk; one at a time is enough.
   std::atomic<bool> event_waits = false;
+  // Keyframes that wait in the queue; counts from any thread.
+  std::atomic<int> awaiting_mapping = 0;
   // The client wants the answer to a keyframe after all that follows from it.
   std::atomic<bool> lockstep = false;
 

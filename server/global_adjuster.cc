@@ -1,44 +1,38 @@
 #include "server/global_adjuster.h"
 
+#include <algorithm>
 #include <utility>
 
+#include "common/util/clock.h"
 #include "common/util/log.h"
+#include "server/map/connected.h"
 
 namespace cairn {
+namespace {
 
-GlobalAdjuster::GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options,
-                               std::function<void()> adjusted)
-    : writer_(writer),
-      options_(options),
-      adjusted_(std::move(adjusted)),
-      thread_([this] { run(); }) {}
+constexpr int kMaxRestarts = 2;
+
+}  // namespace
+
+GlobalAdjuster::GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, Done done)
+    : writer_(writer), options_(options), done_(std::move(done)), thread_([this] { run(); }) {}
 
 GlobalAdjuster::~GlobalAdjuster() {
   stop();
 }
 
-void GlobalAdjuster::request(KeyframeId part_of, bool restart) {
-  {
-    std::lock_guard lock(mutex_);
-    wanted_ = part_of;
-    if (restart) current_.request_stop();
-  }
+GlobalAdjuster::Ticket GlobalAdjuster::request(KeyframeId part_of, bool restart) {
+  std::lock_guard lock(mutex_);
+  const Ticket ticket = ++last_ticket_;
+  if (!closed_) waiting_.push_back({.part_of = part_of, .tickets = {ticket}});
+  if (restart && may_restart_) current_.request_stop();
   changed_.notify_all();
+  return ticket;
 }
 
-bool GlobalAdjuster::idle() const {
-  std::lock_guard lock(mutex_);
-  return closed_ || (!busy_ && !wanted_.is_valid());
-}
-
-void GlobalAdjuster::wait_idle(std::stop_token stop) {
+void GlobalAdjuster::wait_idle() {
   std::unique_lock lock(mutex_);
-  changed_.wait(lock, stop, [&] { return closed_ || (!busy_ && !wanted_.is_valid()); });
-}
-
-std::uint64_t GlobalAdjuster::adjusted_keyframes() const {
-  std::lock_guard lock(mutex_);
-  return adjusted_keyframes_;
+  changed_.wait(lock, [&] { return closed_ || (!busy_ && waiting_.empty()); });
 }
 
 std::uint64_t GlobalAdjuster::adjustments() const {
@@ -46,60 +40,71 @@ std::uint64_t GlobalAdjuster::adjustments() const {
   return adjustments_;
 }
 
-double GlobalAdjuster::last_ms() const {
-  std::lock_guard lock(mutex_);
-  return last_ms_;
-}
-
 void GlobalAdjuster::stop() {
   {
     std::lock_guard lock(mutex_);
     closed_ = true;
     current_.request_stop();
+    changed_.notify_all();
   }
-  changed_.notify_all();
   if (thread_.joinable()) thread_.join();
 }
 
+GlobalAdjuster::Request GlobalAdjuster::take() {
+  Request request = std::move(waiting_.front());
+  waiting_.pop_front();
+  const std::vector<KeyframeId> part = connected_keyframes(*writer_.snapshot(), request.part_of);
+  std::erase_if(waiting_, [&](const Request& other) {
+    if (!std::binary_search(part.begin(), part.end(), other.part_of)) return false;
+    request.tickets.insert(request.tickets.end(), other.tickets.begin(), other.tickets.end());
+    request.restarts = std::max(request.restarts, other.restarts);
+    return true;
+  });
+  return request;
+}
+
 void GlobalAdjuster::run() {
+  std::unique_lock lock(mutex_);
   while (true) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return closed_ || wanted_.is_valid(); });
+    changed_.wait(lock, [&] { return closed_ || !waiting_.empty(); });
     if (closed_) return;
-    const KeyframeId part_of = std::exchange(wanted_, {});
+    Request request = take();
     busy_ = true;
+    may_restart_ = request.restarts < kMaxRestarts;
     current_ = {};
     const std::stop_token stop = current_.get_token();
     lock.unlock();
-    adjust(part_of, stop);
+    const bool finished = adjust(request, stop);
+    if (finished) done_(request.tickets);
     lock.lock();
     busy_ = false;
-    lock.unlock();
+    if (!finished && !closed_) {
+      ++request.restarts;
+      waiting_.push_back(std::move(request));
+    }
     changed_.notify_all();
-    adjusted_();
   }
 }
 
-void GlobalAdjuster::adjust(KeyframeId part_of, std::stop_token stop) {
+bool GlobalAdjuster::adjust(const Request& request, std::stop_token stop) {
   while (!stop.stop_requested()) {
     const Snapshot map = writer_.snapshot();
     Stopwatch watch;
     GlobalBaSummary summary;
-    MapDelta delta = solve_global_ba(*map, part_of, options_, &summary, stop);
+    MapDelta delta = solve_global_ba(*map, request.part_of, options_, &summary, stop);
     log::info(
         "global BA: {} keyframes, {} landmarks, cost {:.0f} -> {:.0f}, {} outliers, {:.0f} ms: {}",
         summary.keyframes, summary.landmarks, summary.initial_cost, summary.final_cost,
         summary.outliers, watch.milliseconds(), summary.message);
-    if (delta.empty()) return;
+    if (stop.stop_requested()) return false;
+    if (delta.empty()) return true;
     const Applied applied = writer_.submit(std::move(delta));
-    if (!applied.done) return;
-    if (applied.delta.is_void) continue;
+    if (applied.done && applied.delta.is_void) continue;
     std::lock_guard lock(mutex_);
-    adjusted_keyframes_ = map->keyframes_ever;
     ++adjustments_;
-    last_ms_ = watch.milliseconds();
-    return;
+    return true;
   }
+  return false;
 }
 
 }  // namespace cairn

@@ -1,15 +1,16 @@
-// Global bundle adjustment in the background: one thread, one adjustment at a time. Whatever has
-// become void by a loop that was closed meanwhile is started anew; nobody waits for it.
+// Global bundle adjustment in the background: one thread, one part of the map at a time. Whatever
+// has become void by a loop that was closed meanwhile is started anew; nobody waits for it.
 #pragma once
 
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <mutex>
 #include <stop_token>
 #include <thread>
+#include <vector>
 
-#include "common/util/clock.h"
 #include "server/map/map_writer.h"
 #include "server/optimize/global_ba.h"
 
@@ -17,42 +18,50 @@ namespace cairn {
 
 class GlobalAdjuster {
  public:
-  // `writer` must outlive this. `adjusted` is called on the adjuster's thread after each result
-  // that was applied, and must not block.
-  GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, std::function<void()> adjusted);
+  using Ticket = std::uint64_t;
+  // Called on the adjuster's thread when the requests with these tickets are done; must not block.
+  using Done = std::function<void(const std::vector<Ticket>&)>;
+
+  // `writer` must outlive this.
+  GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, Done done);
   ~GlobalAdjuster();
   GlobalAdjuster(const GlobalAdjuster&) = delete;
   GlobalAdjuster& operator=(const GlobalAdjuster&) = delete;
 
-  // Adjusts the part of the map that holds this keyframe, as it is once earlier requests are done.
-  // Stops the adjustment under way where that has lost its point (`restart`).
-  void request(KeyframeId part_of, bool restart);
-  // Neither under way nor asked for.
-  bool idle() const;
-  void wait_idle(std::stop_token stop = {});
-  // Of the map, when the last adjustment that was applied was taken from it.
-  std::uint64_t adjusted_keyframes() const;
-  std::uint64_t adjustments() const;
-  double last_ms() const;
+  // Adjusts the part of the map that holds this keyframe, as it is when its turn comes. Requests
+  // for one part that wait together are one. With `restart` the adjustment under way starts over,
+  // since a loop has made it void; but not for ever: after two restarts it runs to its end.
+  Ticket request(KeyframeId part_of, bool restart);
+  // Until nothing is under way or asked for, or stop().
+  void wait_idle();
+  std::uint64_t adjustments() const;  // that changed the map
 
-  // Ends the one under way without a result.
+  // Ends the one under way without a result; requests are not taken any more.
   void stop();
 
  private:
+  struct Request {
+    KeyframeId part_of;
+    std::vector<Ticket> tickets;
+    int restarts = 0;
+  };
   void run();
-  void adjust(KeyframeId part_of, std::stop_token stop);
+  // The first request, with those for the same part.
+  Request take();
+  // False: it was stopped.
+  bool adjust(const Request& request, std::stop_token stop);
 
   MapWriter& writer_;
   const GlobalBaOptions options_;
-  const std::function<void()> adjusted_;
+  const Done done_;
 
   mutable std::mutex mutex_;
-  std::condition_variable_any changed_;
-  KeyframeId wanted_;  // not valid: none
-  bool busy_ = false, closed_ = false;
+  std::condition_variable changed_;
+  std::deque<Request> waiting_;
+  bool busy_ = false, closed_ = false, may_restart_ = true;
   std::stop_source current_;
-  std::uint64_t adjusted_keyframes_ = 0, adjustments_ = 0;
-  double last_ms_ = 0;
+  Ticket last_ticket_ = 0;
+  std::uint64_t adjustments_ = 0;
   std::jthread thread_;
 };
 

@@ -45,9 +45,9 @@ LoopCloser::LoopCloser(MapWriter& writer, std::shared_ptr<const Vocabulary> voca
       vocabulary_(std::move(vocabulary)),
       options_(options),
       hooks_(std::move(hooks)),
-      adjuster_(writer, options.global_ba, [this] { on_adjusted(); }) {
+      adjuster_(writer, options.global_ba, [this](const auto& tickets) { on_adjusted(tickets); }) {
   for (const KeyframeId id : writer_.snapshot()->keyframes.sorted_keys())
-    tasks_.push_back({.keyframe = id, .index_only = true});
+    tasks_.push_back({Task::Kind::kIndex, id});
   thread_ = std::jthread([this] { run(); });
 }
 
@@ -65,11 +65,15 @@ void LoopCloser::push(Task task) {
 }
 
 void LoopCloser::offer(KeyframeId id) {
-  push({.keyframe = id});
+  push({Task::Kind::kRecognise, id});
+  std::unique_lock lock(mutex_);
+  const bool was_settled = settled_.erase(id.epoch) > 0;
+  lock.unlock();
+  if (was_settled) finish(id.epoch);
 }
 
 void LoopCloser::finish(std::uint64_t epoch) {
-  push({.keyframe = {epoch, 0}, .finish = true});
+  push({Task::Kind::kFinish, {epoch, 0}});
 }
 
 bool LoopCloser::settled(std::uint64_t epoch) const {
@@ -78,9 +82,7 @@ bool LoopCloser::settled(std::uint64_t epoch) const {
 }
 
 void LoopCloser::forget(std::uint64_t epoch) {
-  std::lock_guard lock(mutex_);
-  finishing_.erase(epoch);
-  settled_.erase(epoch);
+  push({Task::Kind::kForget, {epoch, 0}});
 }
 
 void LoopCloser::wait_idle() {
@@ -111,10 +113,7 @@ void LoopCloser::run() {
     busy_ = true;
     const bool behind = tasks_.size() > options_.max_waiting;
     lock.unlock();
-    if (task.finish)
-      settle(task.keyframe.epoch);
-    else
-      recognise(task.keyframe, task.index_only || behind);
+    carry_out(task, behind);
     lock.lock();
     busy_ = false;
     lock.unlock();
@@ -122,33 +121,48 @@ void LoopCloser::run() {
   }
 }
 
-// All its keyframes have been looked up. A map with loops is adjusted as a whole once more if any
-// keyframe has come since. One without them is as good as local adjustment makes it: a global one
-// was 4 % better on TUM fr1/rpy and 3 % worse on 7-Scenes kitchen, whose calibration is a rough
-// one.
+void LoopCloser::carry_out(const Task& task, bool behind) {
+  switch (task.kind) {
+    case Task::Kind::kRecognise:
+    case Task::Kind::kIndex:
+      return recognise(task.keyframe, behind || task.kind == Task::Kind::kIndex);
+    case Task::Kind::kFinish:
+      return settle(task.keyframe.epoch);
+    case Task::Kind::kForget: {
+      candidates_.erase(task.keyframe.epoch);
+      std::lock_guard lock(mutex_);
+      settled_.erase(task.keyframe.epoch);
+      std::erase_if(finishing_, [&](const auto& f) { return f.second == task.keyframe.epoch; });
+    }
+  }
+}
+
+// All its keyframes have been looked up. A map with loops is adjusted as a whole once more. One
+// without them is as good as local adjustment makes it: a global one was 4 % better on TUM fr1/rpy
+// and 3 % worse on 7-Scenes kitchen, whose calibration is a rough one.
 void LoopCloser::settle(std::uint64_t epoch) {
   const Snapshot map = writer_.snapshot();
   KeyframeId any;
-  map->keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
-    if (id.epoch == epoch && any < id) any = id;
-  });
-  const bool adjusted = adjuster_.idle() && (map->loops.empty() ||
-                                             adjuster_.adjusted_keyframes() == map->keyframes_ever);
+  if (!map->loops.empty())
+    map->keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
+      if (id.epoch == epoch && any < id) any = id;
+    });
   {
+    // Under the lock, so that the answer finds the ticket.
     std::lock_guard lock(mutex_);
-    (any.is_valid() && !adjusted && !closed_ ? finishing_ : settled_).insert(epoch);
-    if (settled_.contains(epoch) || closed_) any = {};
+    if (any.is_valid() && !closed_)
+      finishing_[adjuster_.request(any, false)] = epoch;
+    else
+      settled_.insert(epoch);
   }
-  if (any.is_valid())
-    adjuster_.request(any, false);
-  else
-    hooks_.changed();
+  if (settled(epoch)) hooks_.changed();
 }
 
-void LoopCloser::on_adjusted() {
+void LoopCloser::on_adjusted(const std::vector<GlobalAdjuster::Ticket>& tickets) {
   {
     std::lock_guard lock(mutex_);
-    if (adjuster_.idle()) settled_.merge(std::exchange(finishing_, {}));
+    for (const GlobalAdjuster::Ticket ticket : tickets)
+      if (const auto run = finishing_.extract(ticket)) settled_.insert(run.mapped());
   }
   hooks_.changed();
 }
@@ -158,6 +172,8 @@ void LoopCloser::recognise(KeyframeId id, bool index_only) {
   const KeyframeNode* node = map->keyframes.find(id);
   if (!node) return;  // culled before its turn
   index_.add(id, vocabulary_->words(node->features().descriptors));
+  indexed_.insert(id);
+  drop_culled(*map);
   if (index_only) return;
   ++counters_.recognised;
   auto& finder = candidates_.try_emplace(id.epoch, options_.candidates).first->second;
@@ -171,6 +187,14 @@ void LoopCloser::recognise(KeyframeId id, bool index_only) {
     ++counters_.verified;
     if (close_loop(*v.loop)) return;
   }
+}
+
+// Now and then: what is looked through must be bounded by the place and not by the time in it.
+void LoopCloser::drop_culled(const Map& map) {
+  if (indexed_.size() < map.keyframes.size() + map.keyframes.size() / 8 + 50) return;
+  std::erase_if(indexed_, [&](KeyframeId id) {
+    return !map.keyframes.contains(id) && (index_.remove(id), true);
+  });
 }
 
 // The map may have moved on since the loop was verified: what it says of two cameras still holds.
@@ -197,10 +221,10 @@ bool LoopCloser::close_loop(const VerifiedLoop& loop) {
     log::info("{} at keyframe {} of run {:x}, with {} of {:x}: {} landmarks in common, {} fused",
               merges ? "parts merged" : "loop closed", loop.query.sequence, loop.query.epoch,
               loop.candidate.sequence, loop.candidate.epoch, loop.inliers, applied.delta.fused);
-    hooks_.changed();
-    weld(loop);
     if (hooks_.keep)
       if (Status s = hooks_.keep(*map); !s) log::warn("it can't be undone: {}", s.message());
+    hooks_.changed();
+    weld(loop);
     adjuster_.request(loop.query, true);
     return true;
   }

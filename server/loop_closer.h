@@ -87,9 +87,11 @@ class LoopCloser {
   // The run goes on, or is over.
   void forget(std::uint64_t epoch);
 
-  // Until all that was offered is dealt with, global adjustment included. For runs that are to give
-  // the same every time.
+  // Until all that was offered is dealt with, global adjustment included, or stop_adjusting(). For
+  // runs that are to give the same every time.
   void wait_idle();
+  // Global adjustment ends without a result, and nobody waits for it any more.
+  void stop_adjusting() { adjuster_.stop(); }
 
   // Finishes what has been offered, without starting another global adjustment.
   void close();
@@ -99,16 +101,18 @@ class LoopCloser {
 
  private:
   struct Task {
-    KeyframeId keyframe;
-    bool index_only = false;
-    bool finish = false;  // of the run keyframe.epoch
+    enum class Kind { kRecognise, kIndex, kFinish, kForget };
+    Kind kind = Kind::kRecognise;
+    KeyframeId keyframe;  // of the last two the epoch alone: the run
   };
 
   void run();
   void push(Task task);
+  void carry_out(const Task& task, bool behind);
   void settle(std::uint64_t epoch);
-  void on_adjusted();
+  void on_adjusted(const std::vector<GlobalAdjuster::Ticket>& tickets);
   void recognise(KeyframeId id, bool index_only);
+  void drop_culled(const Map& map);
   bool close_loop(const VerifiedLoop& loop);
   bool is_small(const Map& map, const VerifiedLoop& loop) const;
   LoopClosure merge(const Map& map, const VerifiedLoop& loop,
@@ -126,6 +130,7 @@ class LoopCloser {
 
   // The recognising thread's alone.
   PlaceIndex index_;
+  std::set<KeyframeId> indexed_;                        // what it holds
   std::map<std::uint64_t, LoopCandidates> candidates_;  // by run
   GridCache grids_;
 
@@ -133,7 +138,8 @@ class LoopCloser {
   std::condition_variable changed_;
   std::deque<Task> tasks_;
   bool busy_ = false, closed_ = false;
-  std::set<std::uint64_t> finishing_, settled_;  // runs
+  std::map<GlobalAdjuster::Ticket, std::uint64_t> finishing_;  // runs by what they wait for
+  std::set<std::uint64_t> settled_;                            // runs
 
   GlobalAdjuster adjuster_;
   std::jthread thread_;

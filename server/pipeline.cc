@@ -1,5 +1,6 @@
 #include "server/pipeline.h"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -87,7 +88,7 @@ Status Pipeline::replay_journal() {
   if (!unmapped.empty() || !pending->empty())
     log::info("{} journaled keyframes to map again", unmapped.size() + pending->size());
   for (const KeyframeId id : unmapped)
-    jobs_.push(client_of(*clients, id), Job{id, Clock::now(), Origin::kFile});
+    push_keyframe(client_of(*clients, id), Job{id, Clock::now(), Origin::kFile});
   for (wire::DecodedKeyframe& decoded : *pending)
     insert(decoded.client, std::move(decoded.keyframe), Clock::now(), Origin::kFile);
   return {};
@@ -111,14 +112,18 @@ Status Pipeline::start_closing_loops() {
   hooks.changed = [this] { tell_everyone(); };
   closer_ = std::make_unique<LoopCloser>(writer_,
                                          std::make_shared<const Vocabulary>(std::move(*vocabulary)),
-                                         LoopCloserOptions(), std::move(hooks));
+                                         options, std::move(hooks));
   return {};
 }
 
 // On any thread: must not block.
 void Pipeline::tell_everyone() {
-  for (const ClientId& client : desks_.present())
-    if (!desks_.of(client)->event_waits.exchange(true)) jobs_.push(client, Job{});
+  for (const ClientId& client : desks_.present()) {
+    const auto desk = desks_.of(client);
+    // One in lockstep hears of all that follows from a keyframe with its answer.
+    if (desk->lockstep && !closer_->settled(client.epoch)) continue;
+    if (!desk->event_waits.exchange(true)) jobs_.push(client, Job{});
+  }
 }
 
 Status Pipeline::start_receiving() {
@@ -162,7 +167,8 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   const auto desk = left ? desks_.leave(event.client) : desks_.join(event.client);
   if (!desk) return;
   const bool finishing = event.kind == ClientEvent::Kind::kFinishing;
-  if (closer_ && finishing) closer_->finish(event.client.epoch);
+  // In its turn: behind the keyframes that wait to be mapped.
+  if (finishing) jobs_.push(event.client, Job{{}, Clock::now(), Origin::kFinish});
   if (event.kind == ClientEvent::Kind::kJoined) desk->lockstep = event.lockstep;
   if (closer_ && left) closer_->forget(event.client.epoch);
   if (!left && !finishing) desk->refresh();
@@ -176,7 +182,12 @@ void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_
   log::debug("keyframe {} of {}: {} matches accepted, {} landmarks made, {} matches rejected",
              id.sequence, client.name, applied.keyframe.accepted, applied.keyframe.created,
              applied.keyframe.rejected);
-  jobs_.push(client, Job{id, arrived, origin});
+  push_keyframe(client, Job{id, arrived, origin});
+}
+
+void Pipeline::push_keyframe(const ClientId& client, const Job& job) {
+  ++desks_.of(client)->awaiting_mapping;
+  jobs_.push(client, job);
 }
 
 void Pipeline::insert_keyframes() {
@@ -190,9 +201,11 @@ void Pipeline::map_keyframes() {
     const Job& job = taken->item;
     const std::shared_ptr<ClientDesk> desk = desks_.of(client);
     if (job.keyframe.is_valid())
-      map_keyframe(client, *desk, job, taken->behind);
-    else
+      map_keyframe(client, *desk, job);
+    else if (job.origin == Origin::kEvent)
       desk->event_waits = false;
+    else if (closer_)
+      closer_->finish(client.epoch);
     if (desks_.is_there(client)) answer(client, *desk, job);
     if (taken->behind == 0) desks_.release(client);
     if (job.origin == Origin::kClient) ingest_->done(client);
@@ -200,9 +213,11 @@ void Pipeline::map_keyframes() {
   }
 }
 
-void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job,
-                            std::size_t backlog) {
-  const LocalMappingReport report = desk.map_keyframe(job.keyframe, backlog);
+void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job) {
+  // Of keyframes: what else waits behind this one brings no solve.
+  const int backlog = --desk.awaiting_mapping;
+  const LocalMappingReport report =
+      desk.map_keyframe(job.keyframe, static_cast<std::size_t>(std::max(0, backlog)));
   if (closer_) closer_->offer(job.keyframe);
   if (closer_ && desk.lockstep) closer_->wait_idle();
   metrics_.mapping_ms.add(report.total_ms);
@@ -254,7 +269,8 @@ Status Pipeline::stop() {
   if (ingest_) ingest_->close();
   if (inserter_.joinable()) inserter_.join();
   jobs_.close();
-  mappers_.clear();  // each ends when the jobs are done
+  if (closer_) closer_->stop_adjusting();  // a mapper may wait for it
+  mappers_.clear();                        // each ends when the jobs are done
   if (closer_) closer_->close();
   saver_.request_stop();
   if (saver_.joinable()) saver_.join();

@@ -43,8 +43,8 @@ class Pipeline {
 
  private:
   // Where a job comes from: only a client's keyframe counts against the client's credits.
-  enum class Origin { kClient, kFile, kEvent };
-  // A keyframe to be mapped, or (not valid) something to tell the client.
+  enum class Origin { kClient, kFile, kEvent, kFinish };
+  // A keyframe to be mapped, or (not valid) something to tell the client, or that it is finishing.
   struct Job {
     KeyframeId keyframe;
     std::chrono::steady_clock::time_point arrived;
@@ -59,7 +59,8 @@ class Pipeline {
               std::chrono::steady_clock::time_point arrived, Origin origin);
   void insert_keyframes();
   void map_keyframes();
-  void map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job, std::size_t backlog);
+  void push_keyframe(const ClientId& client, const Job& job);
+  void map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job);
   void answer(const ClientId& client, ClientDesk& desk, const Job& job);
   void save_now_and_then(std::stop_token stop);
   Status save();

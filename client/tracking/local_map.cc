@@ -163,7 +163,6 @@ void LocalMap::apply(const MapUpdate& update) {
   if (update.new_map_from_old_map)
     move({update.new_map_from_old_map->rotation, update.new_map_from_old_map->translation});
   id_ = update.map;
-  const bool loop_closed = std::exchange(merge_epoch_, update.merge_epoch) != update.merge_epoch;
   if (update.is_refresh()) forget_servers_landmarks(update);
   std::unordered_map<KeyframeId, Rigid3> old_poses;
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
@@ -175,10 +174,12 @@ void LocalMap::apply(const MapUpdate& update) {
   for (const auto& [id, slot] : by_id_) {
     LocalLandmark& landmark = slots_[slot];
     const OwnKeyframe* moves_with = own(landmark.anchor);
-    if (!landmark.anchor.is_valid() && loop_closed) moves_with = first_own_observer(landmark);
+    if (!landmark.anchor.is_valid() && update.landmarks_follow)
+      moves_with = first_own_observer(landmark);
     if (!moves_with) continue;
-    landmark.position =
-        moves_with->map_from_camera * (old_poses[moves_with->id].inverse() * landmark.position);
+    const Rigid3 move = moves_with->map_from_camera * old_poses[moves_with->id].inverse();
+    landmark.position = move * landmark.position;
+    landmark.normal = move.rotation * landmark.normal;
     if (is_known_to_server(landmark, update)) landmark.anchor = {};
   }
   for (const LandmarkState& state : update.landmarks) update_landmark(state);

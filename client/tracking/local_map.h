@@ -135,7 +135,6 @@ class LocalMap {
 
   Limits limits_;
   MapId id_;
-  std::uint32_t merge_epoch_ = 0;
   std::vector<LocalLandmark> slots_;
   std::vector<Slot> free_slots_;
   std::unordered_map<LandmarkId, Slot> by_id_;

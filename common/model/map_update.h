@@ -60,6 +60,9 @@ struct MapUpdate {
   // Keyframes 0 .. mapped_keyframes-1 of the client's epoch have been through local mapping.
   std::uint64_t epoch = 0;
   std::uint32_t mapped_keyframes = 0;
+  // A loop was closed: landmarks that this update doesn't tell of move with the keyframe that made
+  // them, until they are told.
+  bool landmarks_follow = false;
   // To a client that has said that it is finishing: no more corrections are under way.
   bool settled = false;
 

@@ -74,7 +74,7 @@ void put_head(ByteWriter& out, std::string_view client, const MapUpdate& update)
   out.put(update.merge_epoch);
   out.put(update.epoch);
   out.put(update.mapped_keyframes);
-  out.put(static_cast<std::uint8_t>(update.settled));
+  out.put(static_cast<std::uint8_t>(update.settled | update.landmarks_follow << 1));
   out.put(static_cast<std::uint8_t>(update.new_map_from_old_map.has_value()));
   if (const auto& moved = update.new_map_from_old_map) {
     put_rigid(out, {moved->rotation, moved->translation});
@@ -91,9 +91,10 @@ bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
   update.merge_epoch = in.get<std::uint32_t>();
   update.epoch = in.get<std::uint64_t>();
   update.mapped_keyframes = in.get<std::uint32_t>();
-  const auto settled = in.get<std::uint8_t>();
-  if (settled > 1) return false;
-  update.settled = settled == 1;
+  const auto flags = in.get<std::uint8_t>();
+  if (flags > 3) return false;
+  update.settled = (flags & 1) != 0;
+  update.landmarks_follow = (flags & 2) != 0;
   const auto moved = in.get<std::uint8_t>();
   if (moved > 1) return false;
   if (moved == 1) {
@@ -270,6 +271,7 @@ std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t f
     part.epoch = update.epoch;
     part.mapped_keyframes = update.mapped_keyframes;
     part.settled = update.settled;
+    part.landmarks_follow = update.landmarks_follow;
     part.base_revision = parts.empty() ? update.base_revision : parts.back().revision;
     part.revision = first_revision + parts.size();
     if (parts.empty()) part.new_map_from_old_map = update.new_map_from_old_map;

@@ -81,6 +81,7 @@ void ClientView::follow_loops(const Map& map, MapUpdate& update) {
   for (std::size_t i = merge_epoch_; i < map.loops.size(); ++i) {
     const LoopEdge& loop = map.loops[i];
     if (!loop.merges) {
+      update.landmarks_follow = true;
       for (Known& known : known_) known.told = false;
     } else if (std::binary_search(loop.moved.begin(), loop.moved.end(), epoch_)) {
       move = loop.new_map_from_old_map * move;

@@ -28,11 +28,12 @@ class ClientDeskTest : public ::testing::Test {
   // What the desk sends; nothing when there is nothing to say. `accepted`: whether it gets through.
   std::optional<MapUpdate> tell(ClientDesk& desk, bool accepted = true) {
     std::optional<MapUpdate> sent;
-    const Status told = desk.tell(*writer_.snapshot(), false, [&](const MapUpdate& update) -> Status {
-      sent = update;
-      if (!accepted) return {ErrorCode::kUnavailable, "the writer is full"};
-      return {};
-    });
+    const Status told =
+        desk.tell(*writer_.snapshot(), false, [&](const MapUpdate& update) -> Status {
+          sent = update;
+          if (!accepted) return {ErrorCode::kUnavailable, "the writer is full"};
+          return {};
+        });
     EXPECT_EQ(told.ok(), accepted);
     return sent;
   }

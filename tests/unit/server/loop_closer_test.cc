@@ -121,6 +121,31 @@ TEST(LoopCloser, ClosesALoopThatHasDrifted) {
             0.1);
 }
 
+TEST(LoopCloser, BelievesOnlyWhatItsOptionsAskFor) {
+  const SyntheticMap first({.keyframes = 8, .epoch = kFirst});
+  const SyntheticMap second({.keyframes = 8, .epoch = kSecond, .start = 0.3});
+  LoopCloserOptions options;
+  options.verify.min_inliers = 1000;
+  Closing run(options);
+  run.add(first);
+  run.add(second);
+  run.closer->close();
+  EXPECT_EQ(run.closer->counters().merges, 0u);
+}
+
+// Finishing is for the run as it was: what comes later has to be dealt with first.
+TEST(LoopCloser, AKeyframeThatComesLaterUnsettlesItsRun) {
+  const SyntheticMap world({.keyframes = 4, .epoch = kFirst});
+  Closing run;
+  run.closer->finish(kFirst);
+  run.closer->wait_idle();
+  EXPECT_TRUE(run.closer->settled(kFirst));
+  run.add(world);
+  run.closer->wait_idle();
+  EXPECT_TRUE(run.closer->settled(kFirst));
+  EXPECT_EQ(run.closer->counters().recognised, 4u);
+}
+
 TEST(LoopCloser, SettlesARunOnceItsMapIsAdjusted) {
   const SyntheticMap first({.keyframes = 6, .epoch = kFirst});
   const SyntheticMap second({.keyframes = 6, .epoch = kSecond, .start = 0.2});
@@ -129,20 +154,19 @@ TEST(LoopCloser, SettlesARunOnceItsMapIsAdjusted) {
   run.add(second);
   EXPECT_FALSE(run.closer->settled(kSecond));
   run.closer->finish(kSecond);
-  for (int i = 0; i < 1000 && !run.closer->settled(kSecond); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  run.closer->wait_idle();
   EXPECT_TRUE(run.closer->settled(kSecond));
   EXPECT_FALSE(run.closer->settled(kFirst));
   EXPECT_GE(run.closer->adjuster().adjustments(), 1u);
   run.closer->forget(kSecond);
+  run.closer->wait_idle();
   EXPECT_FALSE(run.closer->settled(kSecond));
 }
 
 TEST(LoopCloser, ARunWithoutKeyframesIsSettledAtOnce) {
   Closing run;
   run.closer->finish(99);
-  for (int i = 0; i < 1000 && !run.closer->settled(99); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  run.closer->wait_idle();
   EXPECT_TRUE(run.closer->settled(99));
 }
 

@@ -19,6 +19,8 @@ void expect_equal(const MapUpdate& a, const MapUpdate& b) {
   EXPECT_EQ(a.base_revision, b.base_revision);
   EXPECT_EQ(a.revision, b.revision);
   EXPECT_EQ(a.merge_epoch, b.merge_epoch);
+  EXPECT_EQ(a.settled, b.settled);
+  EXPECT_EQ(a.landmarks_follow, b.landmarks_follow);
   EXPECT_EQ(a.epoch, b.epoch);
   EXPECT_EQ(a.mapped_keyframes, b.mapped_keyframes);
   ASSERT_EQ(a.new_map_from_old_map.has_value(), b.new_map_from_old_map.has_value());
@@ -48,7 +50,9 @@ void expect_equal(const MapUpdate& a, const MapUpdate& b) {
 }
 
 TEST(MapUpdateCodec, KeepsWhatItCarries) {
-  const MapUpdate sent = sample_update(kEpoch);
+  MapUpdate sent = sample_update(kEpoch);
+  sent.settled = true;
+  sent.landmarks_follow = true;
   const auto blob = encode_map_update("alice", sent);
   ASSERT_TRUE(blob) << blob.message();
   const auto got = decode_map_update(*blob);
