@@ -110,9 +110,9 @@ double EntropyThreshold::next(double image_mean) {
     case EntropyMode::kOff:
       return 0;
     case EntropyMode::kOnline:
-      return std::max(mean_ / 2 + options_.delta, options_.min_threshold);
+      return mean_ / 2 + options_.delta;
     case EntropyMode::kCalibrated:
-      return std::max(options_.scene_mean / 2 + options_.delta, options_.min_threshold);
+      return options_.scene_mean / 2 + options_.delta;
     case EntropyMode::kFixed:
       return options_.fixed_threshold;
   }

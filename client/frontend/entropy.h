@@ -56,14 +56,19 @@ struct EntropyOptions {
   double delta = 0.3;     // bits
   double scene_mean = 0;  // kCalibrated: H_ave in bits, EntropyThreshold::mean() of a first pass
   double fixed_threshold = 0;  // kFixed: E0 in bits
-  // Least E0 of the modes online and calibrated, in bits. Eq. 12 sets E0 relative to the scene:
-  // where all of it is weakly textured, hardly any block lies below, although such scenes need
-  // sharpening most. 0: eq. 12 as it stands.
+  // Least E0 in flat images (more than ExtractorOptions::flat_share of the blocks lie below it), in
+  // the modes online and calibrated, bits. Eq. 12 sets E0 relative to the scene: where all of it is
+  // flat, hardly any block lies below, although nothing can be tracked there without sharpening.
+  // Elsewhere the bound does harm: weak corners of flat walls displace better ones. 0: eq. 12 as it
+  // stands.
   double min_threshold = 3;
+
+  double least_in_flat_images() const {
+    return mode == EntropyMode::kOnline || mode == EntropyMode::kCalibrated ? min_threshold : 0;
+  }
 };
 
-// E0 = H_ave / 2 + delta (eq. 12), H_ave being the mean entropy of the scene's blocks; but not less
-// than a bound of ours.
+// E0 = H_ave / 2 + delta (eq. 12), H_ave being the mean entropy of the scene's blocks.
 class EntropyThreshold {
  public:
   explicit EntropyThreshold(const EntropyOptions& options) : options_(options) {}

@@ -68,10 +68,13 @@ void Extractor::measure_entropy() {
   stats_.blocks = static_cast<int>(entropies_.size());
   stats_.image_entropy = std::accumulate(entropies_.begin(), entropies_.end(), 0.0) / stats_.blocks;
   stats_.threshold = threshold_.next(stats_.image_entropy);
+  const double in_flat = std::max(stats_.threshold, options_.entropy.least_in_flat_images());
   const auto weak = std::count_if(entropies_.begin(), entropies_.end(),
-                                  [&](float e) { return e < stats_.threshold; });
-  if (static_cast<double>(weak) > options_.flat_share * stats_.blocks)
+                                  [&](float e) { return e < in_flat; });
+  if (static_cast<double>(weak) > options_.flat_share * stats_.blocks) {
+    stats_.threshold = in_flat;
     low_threshold_ = std::min(low_threshold_, options_.fast.flat_threshold);
+  }
   stats_.entropy_ms = watch.milliseconds();
 }
 

@@ -25,7 +25,7 @@ struct ExtractorOptions {
   ScalePyramid pyramid = {};
   FastOptions fast = {};
   EntropyOptions entropy = {};
-  double flat_share = 0.5;  // images with more weak blocks than that are flat, see FastOptions
+  double flat_share = 0.75;  // images with more weak blocks than that are flat
   bool describe_sharpened = true;  // descriptors too see the sharpened pixels, as in the paper
 };
 

@@ -89,19 +89,14 @@ TEST(EntropyThreshold, StaysAtTheFirstPassWhenCalibrated) {
   EXPECT_DOUBLE_EQ(threshold.next(1), 2.8);
 }
 
-TEST(EntropyThreshold, HasALowerBoundForScenesThatAreWeaklyTexturedAllOver) {
-  EntropyThreshold online({.mode = EntropyMode::kOnline, .min_threshold = 3});
-  EXPECT_DOUBLE_EQ(online.next(2.0), 3.0);  // eq. 12 alone: 1.3
-  EXPECT_DOUBLE_EQ(online.next(8.0), 3.0);  // mean 5: 2.8
-  EXPECT_DOUBLE_EQ(online.next(8.0), 3.3);  // mean 6
-  EntropyThreshold calibrated(
-      {.mode = EntropyMode::kCalibrated, .scene_mean = 2, .min_threshold = 3});
-  EXPECT_DOUBLE_EQ(calibrated.next(8), 3.0);
-  EXPECT_EQ(EntropyThreshold({.mode = EntropyMode::kOff, .min_threshold = 3}).next(2), 0);
-  EXPECT_EQ(
-      EntropyThreshold({.mode = EntropyMode::kFixed, .fixed_threshold = 2, .min_threshold = 3})
-          .next(2),
-      2);
+TEST(EntropyThreshold, HasABoundForFlatImagesOnlyWhereTheSceneSetsIt) {
+  const auto bound = [](EntropyMode mode) {
+    return EntropyOptions{.mode = mode, .min_threshold = 3}.least_in_flat_images();
+  };
+  EXPECT_EQ(bound(EntropyMode::kOnline), 3);
+  EXPECT_EQ(bound(EntropyMode::kCalibrated), 3);
+  EXPECT_EQ(bound(EntropyMode::kFixed), 0);
+  EXPECT_EQ(bound(EntropyMode::kOff), 0);
 }
 
 TEST(EntropyThreshold, IsAsGivenWhenFixedAndNothingWhenOff) {

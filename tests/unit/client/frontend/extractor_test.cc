@@ -143,6 +143,17 @@ TEST(Extractor, FindsFeaturesInAnEvenlyFlatImageWherePlainOrbFindsNone) {
   EXPECT_EQ(extract(image, {.flat_share = 1}).size(), 0u);  // 3 grey levels, sharpened: 6 at most
 }
 
+// A flat wall in a scene that has texture elsewhere: the bound for flat images would only let weak
+// corners displace good ones.
+TEST(Extractor, LeavesAPartlyFlatImageToEquation12) {
+  cv::Mat image(480, 640, CV_8UC1, cv::Scalar(100));
+  test::noise_image({320, 480}, 4).copyTo(image(cv::Rect(0, 0, 320, 480)));
+  Extractor extractor({});
+  Features features;
+  extractor.extract(image, features);
+  EXPECT_DOUBLE_EQ(extractor.stats().threshold, extractor.stats().image_entropy / 2 + 0.3);
+}
+
 TEST(Orientation, PointsToTheBrighterSide) {
   for (const double turn : {0.0, 0.7, 2.0, 3.5, 5.9}) {
     cv::Mat image(64, 64, CV_8UC1);
