@@ -1,6 +1,7 @@
 #include "server/verify/doubt.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <map>
 #include <set>
@@ -53,6 +54,7 @@ struct Balance {
 // From fewer than two landmarks nothing follows.
 void weigh(const Side& side, const std::vector<Sought>& sought, std::size_t images,
            Balance& balance) {
+  assert(sought.size() == side.landmarks.size());
   std::map<Part, Sought> parts;  // landmarks that should be found, and those that are
   for (std::size_t l = 0; l < sought.size(); ++l) {
     balance.expected += sought[l].expected;

@@ -141,11 +141,11 @@ Grown grow(const Side& query, const Side& candidate, const Sim3& candidate_from_
            const VerifyOptions& options) {
   Grown grown;
   Votes votes;
-  grown.evidence.candidate =
+  grown.evidence.query =
       Search(query, candidate, candidate_from_query, options).run([&](int q, int c) {
         ++votes[{q, c}];
       });
-  grown.evidence.query =
+  grown.evidence.candidate =
       Search(candidate, query, candidate_from_query.inverse(), options).run([&](int c, int q) {
         ++votes[{q, c}];
       });
