@@ -80,11 +80,11 @@ class LoopCloser {
   // A keyframe has been mapped. From any thread, at once.
   void offer(KeyframeId id);
 
-  // The run has ended: closes what is left to close and adjusts its part of the map as a whole;
-  // settled(epoch) once that is done. From any thread, at once.
+  // The run has ended: closes what is left to close and, where the map has loops, adjusts the run's
+  // part of it as a whole; settled(epoch) once that is done. From any thread, at once.
   void finish(std::uint64_t epoch);
   bool settled(std::uint64_t epoch) const;
-  // The run goes on, or is over.
+  // The run is over and its client gone: nobody asks any more whether it is settled.
   void forget(std::uint64_t epoch);
 
   // Until all that was offered is dealt with, global adjustment included, or stop_adjusting(). For

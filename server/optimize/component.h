@@ -1,4 +1,6 @@
-// Parts of a map that hang together by shared landmarks or by the spanning tree. Parts of clients
+// Parts of a map that hang together by shared landmarks or by the spanning tree. Unlike with
+// connected_keyframes() closed loops don't count: an adjustment needs what holds the two together.
+// Parts of clients
 // that have not met yet are components of their own.
 #pragma once
 

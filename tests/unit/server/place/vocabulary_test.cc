@@ -204,7 +204,7 @@ TEST_F(VocabularyFile, IsRefusedWhenTooShortOrTooLong) {
   EXPECT_EQ(load(good + "x").error().code, ErrorCode::kCorrupt);
 }
 
-TEST_F(VocabularyFile, SaysWhichFileAndWhatToDo) {
+TEST_F(VocabularyFile, ErrorsNameTheFileAndTheRemedy) {
   std::string other = save();
   other[8] = 9;  // version
   const auto newer = load(other);
