@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "client/link/downlink.h"
+#include "client/link/inquiry.h"
 #include "client/link/outbox.h"
 #include "client/link/uplink.h"
 #include "common/dds/wait_loop.h"
@@ -19,6 +20,8 @@ struct Connection {
   wire::Writer<wire::ClientStateMessage> states;
   wire::Reader<wire::ServerAckMessage> acks;
   wire::Reader<wire::MapUpdateMessage> updates;
+  wire::Writer<wire::RelocaliseRequestMessage> questions;
+  wire::Reader<wire::RelocaliseAnswerMessage> answers;
   std::shared_ptr<dds::Participant> participant;
 };
 
@@ -34,9 +37,14 @@ Result<std::unique_ptr<Connection>> connect(const LinkOptions& options) {
   if (!acks) return acks.error();
   auto updates = wire::Reader<wire::MapUpdateMessage>::create(*participant, own);
   if (!updates) return updates.error();
-  return std::make_unique<Connection>(Connection{std::move(*keyframes), std::move(*states),
-                                                 std::move(*acks), std::move(*updates),
-                                                 std::move(*participant)});
+  auto questions =
+      wire::Writer<wire::RelocaliseRequestMessage>::create(*participant, options.partition);
+  if (!questions) return questions.error();
+  auto answers = wire::Reader<wire::RelocaliseAnswerMessage>::create(*participant, own);
+  if (!answers) return answers.error();
+  return std::make_unique<Connection>(
+      Connection{std::move(*keyframes), std::move(*states), std::move(*acks), std::move(*updates),
+                 std::move(*questions), std::move(*answers), std::move(*participant)});
 }
 
 }  // namespace
@@ -47,6 +55,7 @@ struct Link::Parts {
   std::unique_ptr<Connection> connection;
   std::unique_ptr<Uplink> uplink;
   std::unique_ptr<Downlink> downlink;
+  std::unique_ptr<Inquiry> inquiry;  // null without a server
   std::unique_ptr<dds::WaitLoop> loop;
 
   void receive_acks() {
@@ -60,6 +69,18 @@ struct Link::Parts {
     const Status s = connection->updates.take(
         [this](const wire::MapUpdateMessage& update) { downlink->receive(update); });
     if (!s) log::warn("{}", s.message());
+  }
+  void receive_answers() {
+    const Status s = connection->answers.take(
+        [this](const wire::RelocaliseAnswerMessage& answer) { inquiry->receive(answer); });
+    if (!s) log::warn("{}", s.message());
+  }
+  // Questions go out from the receiving thread: the uplink's may be waiting for room, and a write
+  // of theirs never does.
+  void start_inquiry(const ClientId& client) {
+    inquiry = std::make_unique<Inquiry>(
+        client, [c = connection.get()](const auto& message) { return c->questions.write(message); },
+        [this] { loop->wake(); });
   }
   Uplink::Port port() {
     if (!connection) return {};
@@ -99,11 +120,13 @@ Result<std::unique_ptr<Link>> Link::start(const LinkOptions& options) {
                                        p->port(), Uplink::Timing{.lockstep = options.lockstep});
   p->downlink = std::make_unique<Downlink>(options.client, [p] { p->uplink->request_refresh(); });
   if (p->connection) {
+    p->start_inquiry(options.client);
     std::vector<dds::WaitLoop::Source> sources = {
         {p->connection->acks.condition(), [p] { p->receive_acks(); }},
-        {p->connection->updates.condition(), [p] { p->receive_updates(); }}};
+        {p->connection->updates.condition(), [p] { p->receive_updates(); }},
+        {p->connection->answers.condition(), [p] { p->receive_answers(); }}};
     auto loop = dds::WaitLoop::start(p->connection->participant, std::move(sources),
-                                     std::chrono::hours(1), [] {});
+                                     std::chrono::hours(1), [p] { p->inquiry->send_waiting(); });
     if (!loop) return loop.error();
     p->loop = std::move(*loop);
   }
@@ -130,19 +153,32 @@ void Link::say_finishing() {
   parts_->uplink->say_finishing();
 }
 
+void Link::ask(KeyframePtr view) {
+  if (parts_->inquiry) parts_->inquiry->ask(std::move(view));
+}
+std::optional<RelocaliseAnswer> Link::poll_answer() {
+  return parts_->inquiry ? parts_->inquiry->poll() : std::nullopt;
+}
+std::optional<RelocaliseAnswer> Link::wait_answer(std::chrono::nanoseconds timeout,
+                                                  std::stop_token stop) {
+  return parts_->inquiry ? parts_->inquiry->wait(timeout, std::move(stop)) : std::nullopt;
+}
+
 LinkStats Link::stats() const {
   const Uplink::Stats up = parts_->uplink->stats();
   const Downlink::Stats down = parts_->downlink->stats();
+  const Inquiry::Stats asked = parts_->inquiry ? parts_->inquiry->stats() : Inquiry::Stats{};
   return {.connected = up.connected,
           .heard = up.heard,
           .keyframes_made = up.made,
           .keyframes_acked = up.acked,
           .keyframes_in_outbox = up.waiting,
-          .bytes_up = up.bytes,
-          .bytes_down = down.bytes,
+          .bytes_up = up.bytes + asked.bytes_up,
+          .bytes_down = down.bytes + asked.bytes_down,
           .resends = up.resends,
           .updates = down.updates,
-          .refreshes_asked = up.refresh_requests};
+          .refreshes_asked = up.refresh_requests,
+          .questions = asked.asked};
 }
 
 void Link::stop() {

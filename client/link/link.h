@@ -19,6 +19,7 @@
 #include "common/model/ids.h"
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
+#include "common/model/relocalise.h"
 #include "common/util/status.h"
 
 namespace cairn {
@@ -47,6 +48,7 @@ struct LinkStats {
   std::uint64_t resends = 0;          // times that unacknowledged keyframes were sent again
   std::uint64_t updates = 0;          // handed over by poll_update()
   std::uint64_t refreshes_asked = 0;  // after a gap in the updates
+  std::uint64_t questions = 0;        // sent by ask()
 };
 
 class Link {
@@ -66,6 +68,14 @@ class Link {
   // for a full refresh.
   std::optional<MapUpdate> poll_update();
   std::optional<MapUpdate> wait_update(std::chrono::nanoseconds timeout, std::stop_token stop = {});
+
+  // Asks the server where a view lies (see RelocaliseAnswer); a newer question takes the place of
+  // one that is still waiting. At once, like send(); without a server nothing happens.
+  void ask(KeyframePtr view);
+  // The latest answer, if it has not been taken.
+  std::optional<RelocaliseAnswer> poll_answer();
+  std::optional<RelocaliseAnswer> wait_answer(std::chrono::nanoseconds timeout,
+                                              std::stop_token stop = {});
 
   LinkStats stats() const;
   // Not ok when the server refuses this client for good (kUnavailable, the server's words), or the

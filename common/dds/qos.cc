@@ -29,6 +29,10 @@ QosPtr make_qos(Quality quality) {
       dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, kHistoryDepth,
                                   DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
       break;
+    case Quality::kLatest:
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+      break;
   }
   return qos;
 }

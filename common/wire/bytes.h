@@ -87,6 +87,14 @@ class ByteReader {
     return std::string(start, length);
   }
 
+  // A view of what the reader was made from.
+  Bytes get_bytes(std::size_t count) {
+    if (!has(count)) return {};
+    const Bytes bytes = bytes_.subspan(position_, count);
+    position_ += count;
+    return bytes;
+  }
+
   bool ok() const { return ok_; }
   bool at_end() const { return ok_ && position_ == bytes_.size(); }
   std::size_t remaining() const { return ok_ ? bytes_.size() - position_ : 0; }

@@ -7,6 +7,7 @@
 #include "control.h"
 #include "keyframe.h"
 #include "map_update.h"
+#include "relocalise.h"
 #include "status.h"
 
 namespace cairn::wire {
@@ -150,6 +151,43 @@ struct Mapping<ServerAckMessage> {
 };
 
 template <>
+struct Mapping<RelocaliseRequestMessage> {
+  using Sample = cairn_wire_RelocaliseRequest;
+  static dds::TopicType topic() {
+    return {"cairn_relocalise_request_v1", &cairn_wire_RelocaliseRequest_desc,
+            dds::Quality::kLatest};
+  }
+  static void to(const RelocaliseRequestMessage& m, Sample& s) {
+    put_client(s, m.client);
+    s.number = m.number;
+    put_blob(s.blob, m.blob);
+  }
+  static bool from(const Sample& s, RelocaliseRequestMessage& m) {
+    m.number = s.number;
+    m.blob = get_blob(s.blob);
+    return get_client(s, m.client);
+  }
+};
+
+template <>
+struct Mapping<RelocaliseAnswerMessage> {
+  using Sample = cairn_wire_RelocaliseAnswer;
+  static dds::TopicType topic() {
+    return {"cairn_relocalise_answer_v1", &cairn_wire_RelocaliseAnswer_desc, dds::Quality::kLatest};
+  }
+  static void to(const RelocaliseAnswerMessage& m, Sample& s) {
+    put_client(s, m.client);
+    s.number = m.number;
+    put_blob(s.blob, m.blob);
+  }
+  static bool from(const Sample& s, RelocaliseAnswerMessage& m) {
+    m.number = s.number;
+    m.blob = get_blob(s.blob);
+    return get_client(s, m.client);
+  }
+};
+
+template <>
 struct Mapping<ServerStatusMessage> {
   using Sample = cairn_wire_ServerStatus;
   static dds::TopicType topic() {
@@ -223,6 +261,10 @@ template class Writer<ClientStateMessage>;
 template class Reader<ClientStateMessage>;
 template class Writer<ServerAckMessage>;
 template class Reader<ServerAckMessage>;
+template class Writer<RelocaliseRequestMessage>;
+template class Reader<RelocaliseRequestMessage>;
+template class Writer<RelocaliseAnswerMessage>;
+template class Reader<RelocaliseAnswerMessage>;
 template class Writer<ServerStatusMessage>;
 template class Reader<ServerStatusMessage>;
 

@@ -60,6 +60,18 @@ struct ServerAckMessage {
   std::string refusal;  // cut to 255 bytes
 };
 
+struct RelocaliseRequestMessage {
+  ClientId client;
+  std::uint32_t number = 0;
+  Bytes blob;  // when received: lent until the callback returns
+};
+
+struct RelocaliseAnswerMessage {
+  ClientId client;
+  std::uint32_t number = 0;
+  Bytes blob;  // when received: lent until the callback returns
+};
+
 struct ServerStatusMessage {
   std::uint64_t server = 0;
   std::uint32_t protocol = kProtocol;

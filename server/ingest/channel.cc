@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "common/wire/map_update_codec.h"
+#include "common/wire/relocalise_codec.h"
 
 namespace cairn {
 
@@ -13,9 +14,13 @@ Result<std::shared_ptr<Channel>> Channel::open(std::shared_ptr<dds::Participant>
   const std::string partition = wire::client_partition(deployment, client);
   auto acks = wire::Writer<wire::ServerAckMessage>::create(participant, partition);
   if (!acks) return acks.error();
-  auto updates = wire::Writer<wire::MapUpdateMessage>::create(std::move(participant), partition);
+  auto updates = wire::Writer<wire::MapUpdateMessage>::create(participant, partition);
   if (!updates) return updates.error();
-  return std::shared_ptr<Channel>(new Channel(server, std::move(*acks), std::move(*updates)));
+  auto answers =
+      wire::Writer<wire::RelocaliseAnswerMessage>::create(std::move(participant), partition);
+  if (!answers) return answers.error();
+  return std::shared_ptr<Channel>(
+      new Channel(server, std::move(*acks), std::move(*updates), std::move(*answers)));
 }
 
 std::uint64_t Channel::revision() const {
@@ -58,6 +63,14 @@ Result<Channel::Published> Channel::publish(const ClientId& client, MapUpdate up
     published.bytes += blobs[i].size();
   }
   return published;
+}
+
+Result<std::uint64_t> Channel::answer(const ClientId& client, const RelocaliseAnswer& answer) {
+  const auto blob = wire::encode_answer(client.name, answer);
+  if (!blob) return blob.error();
+  const Status s = answers_.write({.client = client, .number = answer.number, .blob = *blob});
+  if (!s) return s.error();
+  return std::uint64_t{blob->size()};
 }
 
 }  // namespace cairn

@@ -1,4 +1,5 @@
-// What the server sends to the clients of one name: acknowledgements and map updates.
+// What the server sends to the clients of one name: acknowledgements, map updates, and where a lost
+// one is.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +8,7 @@
 #include <string>
 
 #include "common/model/map_update.h"
+#include "common/model/relocalise.h"
 #include "common/wire/topics.h"
 
 namespace cairn {
@@ -29,15 +31,22 @@ class Channel {
   // Numbers the revisions, cuts the update into parts and sends them; all or none.
   Result<Published> publish(const ClientId& client, MapUpdate update);
   std::uint64_t revision() const;
+  // Bytes sent.
+  Result<std::uint64_t> answer(const ClientId& client, const RelocaliseAnswer& answer);
 
  private:
   Channel(std::uint64_t server, wire::Writer<wire::ServerAckMessage> acks,
-          wire::Writer<wire::MapUpdateMessage> updates)
-      : server_(server), acks_(std::move(acks)), updates_(std::move(updates)) {}
+          wire::Writer<wire::MapUpdateMessage> updates,
+          wire::Writer<wire::RelocaliseAnswerMessage> answers)
+      : server_(server),
+        acks_(std::move(acks)),
+        updates_(std::move(updates)),
+        answers_(std::move(answers)) {}
 
   const std::uint64_t server_;
   wire::Writer<wire::ServerAckMessage> acks_;
   wire::Writer<wire::MapUpdateMessage> updates_;
+  wire::Writer<wire::RelocaliseAnswerMessage> answers_;
   std::mutex publishing_;  // keeps the parts of one update together
   mutable std::mutex mutex_;
   // A client that knows nothing is at 0. Starting at 1 makes a first update that is not a full

@@ -40,11 +40,12 @@ struct ChannelUse {
 struct Ingest::Parts {
   Parts(const IngestOptions& o, Journal& journal, std::shared_ptr<dds::Participant> p,
         wire::Reader<wire::KeyframeMessage> k, wire::Reader<wire::ClientStateMessage> c,
-        wire::Writer<wire::ServerStatusMessage> s)
+        wire::Reader<wire::RelocaliseRequestMessage> q, wire::Writer<wire::ServerStatusMessage> s)
       : options(o),
         participant(std::move(p)),
         keyframes(std::move(k)),
         states(std::move(c)),
+        questions(std::move(q)),
         status(std::move(s)),
         queue(journal, o.queue_capacity, [this] { loop->wake(); }) {}
 
@@ -55,6 +56,7 @@ struct Ingest::Parts {
   // The loop's thread only.
   wire::Reader<wire::KeyframeMessage> keyframes;
   wire::Reader<wire::ClientStateMessage> states;
+  wire::Reader<wire::RelocaliseRequestMessage> questions;
   wire::Writer<wire::ServerStatusMessage> status;
   Clock::time_point next_status{};
 
@@ -71,11 +73,14 @@ struct Ingest::Parts {
   void receive_keyframes();
   void receive_keyframe(const wire::KeyframeMessage& message, std::set<ClientId>& touched);
   void count(KeyframeQueue::Arrival arrival);
+  void receive_questions();
+  void receive_question(const wire::RelocaliseRequestMessage& message);
   void receive_states();
   void receive_state(const wire::ClientStateMessage& state);
   std::vector<ChannelUse> close_sessions(const ClientTable::Answer& answer);
   void tell(const std::vector<ClientEvent>& events);
   std::shared_ptr<Channel> channel_of(const std::string& client);
+  std::shared_ptr<Channel> open_channel(const ClientId& client);
   void acknowledge(const ClientId& client);
   void refuse(const ClientId& client, const std::string& refusal);
   void tick();
@@ -137,6 +142,34 @@ void Ingest::Parts::count(KeyframeQueue::Arrival arrival) {
   }
 }
 
+// ---- questions
+
+void Ingest::Parts::receive_questions() {
+  const Status s = questions.take(
+      [this](const wire::RelocaliseRequestMessage& message) { receive_question(message); });
+  if (!s) log::warn("{}", s.message());
+}
+
+// One that is not answered comes again, with a newer view.
+void Ingest::Parts::receive_question(const wire::RelocaliseRequestMessage& message) {
+  {
+    std::lock_guard lock(mutex);
+    counts.bytes_in += message.blob.size();
+    if (table.find(message.client) == nullptr || !options.on_question) return;
+  }
+  auto decoded = wire::decode_keyframe(message.blob);
+  const bool sound = decoded && decoded->client == message.client &&
+                     decoded->keyframe->id.sequence == message.number;
+  if (!sound)
+    log::warn("client {}: question {} dropped: {}", message.client.name, message.number,
+              decoded ? "its head and its contents differ" : decoded.message());
+  {
+    std::lock_guard lock(mutex);
+    ++(sound ? counts.questions : counts.malformed);
+  }
+  if (sound) options.on_question(message.client, std::move(decoded->keyframe));
+}
+
 // ---- clients
 
 void Ingest::Parts::receive_states() {
@@ -195,6 +228,14 @@ std::shared_ptr<Channel> Ingest::Parts::channel_of(const std::string& client) {
     use.channel = std::move(*channel);
   }
   return use.channel;
+}
+
+// That of a client that is there; else null.
+std::shared_ptr<Channel> Ingest::Parts::open_channel(const ClientId& client) {
+  std::lock_guard lock(mutex);
+  const auto it = channels.find(client.name);
+  if (table.find(client) == nullptr || it == channels.end()) return nullptr;
+  return it->second.channel;
 }
 
 void Ingest::Parts::acknowledge(const ClientId& client) {
@@ -284,15 +325,20 @@ Result<std::unique_ptr<Ingest>> Ingest::start(const IngestOptions& options, Jour
   if (!keyframes) return keyframes.error();
   auto states = wire::Reader<wire::ClientStateMessage>::create(*participant, options.partition);
   if (!states) return states.error();
+  auto questions =
+      wire::Reader<wire::RelocaliseRequestMessage>::create(*participant, options.partition);
+  if (!questions) return questions.error();
   auto status = wire::Writer<wire::ServerStatusMessage>::create(*participant, options.partition);
   if (!status) return status.error();
-  auto parts = std::make_unique<Parts>(options, journal, *participant, std::move(*keyframes),
-                                       std::move(*states), std::move(*status));
+  auto parts =
+      std::make_unique<Parts>(options, journal, *participant, std::move(*keyframes),
+                              std::move(*states), std::move(*questions), std::move(*status));
   Parts* p = parts.get();
   std::vector<dds::WaitLoop::Source> sources = {
       // Hellos first: keyframes of strangers are not taken.
       {p->states.condition(), [p] { p->receive_states(); }},
-      {p->keyframes.condition(), [p] { p->receive_keyframes(); }}};
+      {p->keyframes.condition(), [p] { p->receive_keyframes(); }},
+      {p->questions.condition(), [p] { p->receive_questions(); }}};
   auto loop =
       dds::WaitLoop::start(*participant, std::move(sources), kHeartbeat, [p] { p->tick(); });
   if (!loop) return loop.error();
@@ -308,14 +354,18 @@ void Ingest::done(const ClientId& client) {
   parts_->queue.done(client);
 }
 
+Status Ingest::answer(const ClientId& client, const RelocaliseAnswer& answer) {
+  const auto channel = parts_->open_channel(client);
+  if (!channel) return {ErrorCode::kNotFound, "client " + client.name + " is not there any more"};
+  const auto sent = channel->answer(client, answer);
+  if (!sent) return sent.error();
+  std::lock_guard lock(parts_->mutex);
+  parts_->counts.bytes_out += *sent;
+  return {};
+}
+
 Status Ingest::publish(const ClientId& client, const MapUpdate& update) {
-  std::shared_ptr<Channel> channel;
-  {
-    std::lock_guard lock(parts_->mutex);
-    const auto it = parts_->channels.find(client.name);
-    if (parts_->table.find(client) != nullptr && it != parts_->channels.end())
-      channel = it->second.channel;
-  }
+  const auto channel = parts_->open_channel(client);
   if (!channel) return {ErrorCode::kNotFound, "client " + client.name + " is not there any more"};
   auto published = channel->publish(client, update);
   if (!published) return published.error();

@@ -7,7 +7,7 @@
 // client's outbox, however long the work on each one takes.
 //
 // Threads: one of its own receives, checks, journals and acknowledges. next() is for one consumer;
-// done(), publish() and the rest are safe from any thread.
+// done(), publish(), answer() and the rest are safe from any thread.
 #pragma once
 
 #include <chrono>
@@ -22,6 +22,7 @@
 #include "common/model/ids.h"
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
+#include "common/model/relocalise.h"
 #include "common/util/status.h"
 #include "server/ingest/journal.h"
 
@@ -68,6 +69,7 @@ struct IngestStats {
   std::uint64_t refused = 0;                  // hellos turned down
   std::uint64_t bytes_in = 0, bytes_out = 0;  // blobs
   std::uint64_t updates = 0;                  // published, parts counted singly
+  std::uint64_t questions = 0;                // of clients that don't know where they are
   std::uint32_t queued = 0;                   // keyframes waiting now
 };
 
@@ -80,6 +82,9 @@ struct IngestOptions {
   // Called from ingest's thread, one event at a time, from within start() on: must not block.
   // Needed by whoever sends updates.
   std::function<void(const ClientEvent&)> on_event;
+  // A client wants to know where `view` lies (RelocaliseAnswer); called likewise. Null: nobody
+  // answers.
+  std::function<void(const ClientId&, KeyframePtr view)> on_question;
   std::string dds_config;  // XML instead of what CYCLONEDDS_URI names
 };
 
@@ -101,6 +106,9 @@ class Ingest {
   // refresh) matters here: revisions on the wire count per client and are set by this function.
   // kNotFound: the client is not there any more, which is no error of the caller's.
   Status publish(const ClientId& client, const MapUpdate& update);
+
+  // To a client that has asked; errors as with publish().
+  Status answer(const ClientId& client, const RelocaliseAnswer& answer);
 
   std::vector<ClientInfo> clients() const;  // ascending by id
   IngestStats stats() const;

@@ -8,6 +8,7 @@
 #include "common/wire/envelope.h"
 #include "common/wire/keyframe_codec.h"
 #include "common/wire/map_update_codec.h"
+#include "common/wire/relocalise_codec.h"
 #include "tests/fuzz/targets.h"
 #include "tests/support/wire_samples.h"
 
@@ -75,6 +76,16 @@ TEST(Fuzz, NoMutationOfAMapUpdateBreaksItsDecoder) {
        *wire::encode_map_update("alice", testing::sample_update(7, 3)),
        *wire::encode_map_update("b", testing::sample_update(~1ull, 20))},
       fuzz::map_update);
+}
+
+TEST(Fuzz, NoMutationOfAnAnswerBreaksItsDecoder) {
+  RelocaliseAnswer nowhere;
+  nowhere.epoch = 1;
+  nowhere.why = "nothing looks like it";
+  run({*wire::encode_answer("alice", nowhere),
+       *wire::encode_answer("alice", testing::sample_answer(7, 3)),
+       *wire::encode_answer("b", testing::sample_answer(~1ull, 20))},
+      fuzz::answer);
 }
 
 }  // namespace

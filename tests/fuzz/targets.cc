@@ -5,6 +5,7 @@
 #include "common/wire/envelope.h"
 #include "common/wire/keyframe_codec.h"
 #include "common/wire/map_update_codec.h"
+#include "common/wire/relocalise_codec.h"
 
 namespace cairn::fuzz {
 namespace {
@@ -33,6 +34,14 @@ void check_map_update_blob(wire::Bytes blob) {
   require(again.ok() && wire::decode_map_update(*again).ok());
 }
 
+void check_answer_blob(wire::Bytes blob) {
+  const auto first = wire::decode_answer(blob);
+  if (!first) return;
+  require(wire::check_answer(first->answer).ok());
+  const auto again = wire::encode_answer(first->client, first->answer);
+  require(again.ok() && wire::decode_answer(*again).ok());
+}
+
 }  // namespace
 
 // As they are, and as the payload under a good checksum, which gets behind the outer checks.
@@ -44,6 +53,11 @@ void keyframe(const std::uint8_t* data, std::size_t size) {
 void map_update(const std::uint8_t* data, std::size_t size) {
   check_map_update_blob({data, size});
   check_map_update_blob(wire::seal(wire::kMapUpdateFormat, {data, size}));
+}
+
+void answer(const std::uint8_t* data, std::size_t size) {
+  check_answer_blob({data, size});
+  check_answer_blob(wire::seal(wire::kRelocaliseFormat, {data, size}));
 }
 
 }  // namespace cairn::fuzz

@@ -9,5 +9,6 @@ namespace cairn::fuzz {
 
 void keyframe(const std::uint8_t* data, std::size_t size);
 void map_update(const std::uint8_t* data, std::size_t size);
+void answer(const std::uint8_t* data, std::size_t size);
 
 }  // namespace cairn::fuzz

@@ -8,6 +8,7 @@
 
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
+#include "common/model/relocalise.h"
 
 namespace cairn::testing {
 
@@ -92,6 +93,28 @@ inline MapUpdate sample_update(std::uint64_t epoch, std::size_t landmarks = 40,
   u.removed_landmarks.push_back({{0, 900}, {}});
   u.removed_landmarks.push_back({{0, 901}, LandmarkId{0, 902}});
   return u;
+}
+
+// Found; every third landmark around is matched.
+inline RelocaliseAnswer sample_answer(std::uint64_t epoch, std::size_t landmarks = 40,
+                                      std::uint64_t seed = 1) {
+  std::mt19937_64 random(seed);
+  RelocaliseAnswer a;
+  a.epoch = epoch;
+  a.number = 5;
+  a.found = true;
+  a.reference = {epoch + 9, 31};
+  a.map_from_reference = sample_pose(random);
+  a.map_from_camera = sample_pose(random);
+  a.around.map = {77};
+  a.around.base_revision = 1;
+  a.around.revision = 2;
+  a.around.merge_epoch = 3;
+  a.around.epoch = epoch;
+  a.around.landmarks = sample_update(epoch, landmarks, seed).landmarks;
+  for (std::size_t i = 0; i < landmarks; i += 3)
+    a.matches.push_back({static_cast<std::uint16_t>(2 * i + 1), a.around.landmarks[i].id});
+  return a;
 }
 
 }  // namespace cairn::testing
