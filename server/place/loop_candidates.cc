@@ -77,6 +77,17 @@ std::vector<LoopCandidate> grouped(const Map& map, const std::vector<PlaceMatch>
   return candidates;
 }
 
+// The best matches, in groups that are not much worse than the best one.
+std::vector<LoopCandidate> best_groups(const Map& map, std::vector<PlaceMatch> matches,
+                                       const CandidateOptions& options) {
+  if (matches.size() > kMostGrouped) matches.resize(kMostGrouped);
+  std::vector<LoopCandidate> candidates = grouped(map, matches, options);
+  if (candidates.empty()) return candidates;
+  const double least = options.group_share * candidates.front().group_score;
+  std::erase_if(candidates, [&](const LoopCandidate& c) { return c.group_score < least; });
+  return candidates;
+}
+
 KeyframeId root_of(const Map& map, KeyframeId id) {
   while (map.keyframes.at(id).parent.is_valid()) id = map.keyframes.at(id).parent;
   return id;
@@ -97,6 +108,19 @@ void mark_other_islands(const Map& map, KeyframeId query, std::vector<LoopCandid
 
 }  // namespace
 
+std::vector<LoopCandidate> find_candidates(const Map& map, const PlaceIndex& index,
+                                           const BagOfWords& view,
+                                           const CandidateOptions& options) {
+  auto candidates =
+      best_groups(map,
+                  index.query(view, options.least_score,
+                              [&](KeyframeId id) { return map.keyframes.contains(id); }),
+                  options);
+  const auto most = static_cast<std::size_t>(options.most);
+  if (candidates.size() > most) candidates.resize(most);
+  return candidates;
+}
+
 std::vector<LoopCandidate> LoopCandidates::find(const Map& map, const PlaceIndex& index,
                                                 KeyframeId query) {
   std::vector<LoopCandidate> candidates;
@@ -107,12 +131,7 @@ std::vector<LoopCandidate> LoopCandidates::find(const Map& map, const PlaceIndex
     auto matches = index.query(words->bag, bar, [&](KeyframeId id) {
       return !near.contains(id) && map.keyframes.contains(id);
     });
-    if (matches.size() > kMostGrouped) matches.resize(kMostGrouped);
-    candidates = grouped(map, matches, options_);
-    if (!candidates.empty()) {
-      const double least = options_.group_share * candidates.front().group_score;
-      std::erase_if(candidates, [&](const LoopCandidate& c) { return c.group_score < least; });
-    }
+    candidates = best_groups(map, std::move(matches), options_);
   }
   keep_consistent(map, candidates);
   if (candidates.size() > static_cast<std::size_t>(options_.most))

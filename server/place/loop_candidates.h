@@ -44,6 +44,11 @@ struct LoopCandidate {
   bool other_island = false;  // nothing in the map connects it with the query
 };
 
+// For a view that is not in the map: what looks like it, grouped as above, best first; at most
+// options.most. Keyframes of the index that the map does not have are passed over.
+std::vector<LoopCandidate> find_candidates(const Map& map, const PlaceIndex& index,
+                                           const BagOfWords& view, const CandidateOptions& options);
+
 // Keeps what the consistency of one client's queries needs: one object a client, one thread at a
 // time.
 class LoopCandidates {
