@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "server/storage/map_file_parts.h"
+#include "server/storage/staged.h"
 
 namespace cairn {
 namespace {
@@ -14,7 +15,7 @@ using sqlite::Statement;
 // Stands in the file's header and tells Cairn's files from those of other programs.
 constexpr std::int64_t kApplicationId = 0x4361724e;  // "CarN"
 // Grows with every change of the tables or of what is in their blobs.
-constexpr std::int64_t kSchemaVersion = 3;
+constexpr std::int64_t kSchemaVersion = 4;
 
 constexpr const char* kSchema = R"sql(
   CREATE TABLE clients(name TEXT NOT NULL, epoch INTEGER NOT NULL, next_sequence INTEGER NOT NULL,
@@ -25,7 +26,8 @@ constexpr const char* kSchema = R"sql(
   -- The estimate, as of the last save.
   CREATE TABLE map(only INTEGER PRIMARY KEY CHECK(only = 1), id INTEGER NOT NULL,
                    revision INTEGER NOT NULL, merge_epoch INTEGER NOT NULL,
-                   keyframes_ever INTEGER NOT NULL, next_landmark INTEGER NOT NULL);
+                   keyframes_ever INTEGER NOT NULL, next_landmark INTEGER NOT NULL,
+                   staged INTEGER NOT NULL DEFAULT 0);
   CREATE TABLE nodes(origin INTEGER, number INTEGER, data BLOB NOT NULL,
                      PRIMARY KEY(origin, number)) WITHOUT ROWID;
   CREATE TABLE landmarks(origin INTEGER, number INTEGER, data BLOB NOT NULL,
@@ -34,17 +36,20 @@ constexpr const char* kSchema = R"sql(
                                   PRIMARY KEY(origin, number)) WITHOUT ROWID;
   CREATE TABLE removed_keyframes(origin INTEGER, number INTEGER, data BLOB NOT NULL,
                                  PRIMARY KEY(origin, number)) WITHOUT ROWID;
+  -- Rows on their way into the four tables before this, see staged.h. No data: the row goes.
+  CREATE TABLE staged(piece INTEGER, target INTEGER, origin INTEGER, number INTEGER, data BLOB,
+                      PRIMARY KEY(piece, target, origin, number)) WITHOUT ROWID;
   -- Loops closed and parts merged, counted from 1.
   CREATE TABLE loops(event INTEGER PRIMARY KEY, data BLOB NOT NULL);
   -- Keyframes 0 .. count-1 of a client run have been through local mapping.
   CREATE TABLE mapped_keyframes(epoch INTEGER PRIMARY KEY, count INTEGER NOT NULL);
-  -- The estimate as it was before an event, and the keyframes whose blobs it needs.
-  CREATE TABLE checkpoints(event INTEGER PRIMARY KEY, map INTEGER NOT NULL, data BLOB NOT NULL);
-  CREATE TABLE checkpoint_keyframes(epoch INTEGER, sequence INTEGER, event INTEGER,
-                                    PRIMARY KEY(epoch, sequence, event)) WITHOUT ROWID;
-  CREATE TRIGGER forget_checkpoint AFTER DELETE ON checkpoints BEGIN
-    DELETE FROM checkpoint_keyframes WHERE event = OLD.event;
-  END;
+  -- The estimate as it was before an event: which copy of it. A copy that no event names is loose.
+  CREATE TABLE checkpoints(event INTEGER PRIMARY KEY, map INTEGER NOT NULL,
+                           copy INTEGER NOT NULL UNIQUE);
+  CREATE TABLE copies(copy INTEGER, piece INTEGER, data BLOB NOT NULL, PRIMARY KEY(copy, piece));
+  -- The keyframes whose blobs a copy needs.
+  CREATE TABLE copied_keyframes(epoch INTEGER, sequence INTEGER, copy INTEGER,
+                                PRIMARY KEY(epoch, sequence, copy)) WITHOUT ROWID;
 )sql";
 
 Status create_schema(Database& database) {
@@ -91,7 +96,7 @@ Status open_database(Database& database, const std::string& path, MapFile::Mode 
   if (Status status = check_header(database, path, is_new); !status) return status;
   if (!writable && is_new)
     return {ErrorCode::kNotFound, path + ": the file is empty, no map in it"};
-  if (!writable) return {};
+  if (!writable) return storage::show_staged(database);
   if (Status status = database.execute("PRAGMA journal_mode = WAL; PRAGMA synchronous = NORMAL;"
                                        // Takes the lock now, and shows now whether writing works.
                                        "BEGIN IMMEDIATE; COMMIT;");
@@ -138,8 +143,16 @@ Result<std::unique_ptr<MapFile>> MapFile::open(const std::filesystem::path& path
                                 " next_sequence = max(next_sequence, excluded.next_sequence)");
     parts->find_client.emplace(parts->database,
                                "SELECT next_sequence FROM clients WHERE name = ? AND epoch = ?");
+    if (mode == Mode::kReadWrite) {
+      storage::Pieces pieces(*parts);
+      if (Status status = storage::finish_staged(pieces); !status) return status.error();
+    }
   }
   return std::unique_ptr<MapFile>(new MapFile(std::move(parts)));
+}
+
+void MapFile::set_between_pieces(std::function<bool()> go_on) {
+  parts_->between_pieces = std::move(go_on);
 }
 
 Status MapFile::append(const ClientId& client, KeyframeId id, std::span<const std::uint8_t> blob) {

@@ -19,10 +19,12 @@
 // Without a path nothing is stored: sequences are counted in memory and all else is forgotten.
 //
 // Threads: all members are safe from any thread. save_map() and save_checkpoint() compare and
-// encode outside the lock; append() waits for them only while rows are written.
+// encode outside the lock and write in pieces of a thousand rows or a megabyte; append() waits for
+// one such piece at most. One of the two runs at a time.
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -34,16 +36,25 @@
 
 namespace cairn {
 
+// What a long write was made of.
+struct WriteTimes {
+  std::size_t pieces = 0;                     // transactions
+  std::size_t most_rows = 0, most_bytes = 0;  // in one piece
+  double locked_ms = 0, longest_ms = 0;       // append() waits: of all pieces, and of one
+};
+
 struct SaveSummary {
   std::size_t keyframes = 0, landmarks = 0;  // written because new or changed
   std::size_t dropped_blobs = 0;             // of culled keyframes
-  double milliseconds = 0, locked_ms = 0;    // all in all, and of that with append() waiting
+  double milliseconds = 0;                   // all in all
+  WriteTimes writing{};
 };
 
 struct CheckpointSummary {
-  std::size_t event = 0;                   // that it goes back to before
-  std::size_t bytes = 0;                   // kept, besides blobs of keyframes
-  double milliseconds = 0, locked_ms = 0;  // as above
+  std::size_t event = 0;    // that it goes back to before
+  std::size_t bytes = 0;    // kept, besides blobs of keyframes
+  double milliseconds = 0;  // as above
+  WriteTimes writing{};
 };
 
 class MapFile final : public Journal {
@@ -63,21 +74,23 @@ class MapFile final : public Journal {
   Status append(const ClientId& client, KeyframeId id, std::span<const std::uint8_t> blob) override;
   std::uint32_t next_sequence(const ClientId& client) override;
 
-  // Replaces the saved map, in one transaction: after a failure or a crash the file holds the map
-  // that was saved before. Keyframes that were never journaled are stored too.
+  // Replaces the saved map, all at once however many pieces it takes: after a failure or a crash
+  // the file holds either the map that was saved before or this one. Keyframes that were never
+  // journaled are stored too.
   Result<SaveSummary> save_map(const Map& map);
   // How many of the latest events can be undone, unless told otherwise.
   static constexpr std::size_t kCheckpoints = 3;
   // Keeps what it takes to go back to `before`, the map as it was before its next event: number
-  // before.loops.size() + 1, counted from 1. In one transaction. Call it when that event has been
-  // applied, with a snapshot from just before; what arrived in between will be pending. Replaces
-  // what was kept for this event or later ones; all but the last `keep` are dropped.
+  // before.loops.size() + 1, counted from 1. After a failure or a crash the file keeps what it kept
+  // before. Call it when that event has been applied, with a snapshot from just before; what
+  // arrived in between will be pending. Replaces what was kept for this event or later ones; all
+  // but the last `keep` are dropped.
   Result<CheckpointSummary> save_checkpoint(const Map& before, std::size_t keep = kCheckpoints);
   // The events, ascending, that there is a checkpoint for.
   Result<std::vector<std::size_t>> checkpoints();
   // The map as it was before the event. kNotFound: nothing is kept for it. kCorrupt: damaged.
   Result<Map> load_checkpoint(std::size_t event);
-  // Makes load_checkpoint(event) the saved map, in one transaction; the event and what came after
+  // Makes load_checkpoint(event) the saved map, as save_map() does; the event and what came after
   // it are gone. For a file that no server goes on with: a running one would save its map again.
   // Errors as above, and kNotFound when the saved map has no such event; the file stays as it was.
   Status restore(std::size_t event);
@@ -89,6 +102,10 @@ class MapFile final : public Journal {
   Result<std::vector<wire::DecodedKeyframe>> pending_keyframes();
   // All client runs that ever delivered keyframes, ascending.
   Result<std::vector<ClientId>> clients();
+
+  // Called between two pieces of a save, when nothing is locked. When it returns false the save
+  // ends there, as it would if the process died. For tests of just that; set it before any save.
+  void set_between_pieces(std::function<bool()> go_on);
 
   struct Parts;  // private to server/storage
 

@@ -6,13 +6,15 @@
 
 #include "common/util/clock.h"
 #include "server/storage/checkpoint_codec.h"
-#include "server/storage/map_file_parts.h"
+#include "server/storage/pieces.h"
 
 namespace cairn {
 namespace {
 
 using sqlite::Database;
 using sqlite::Statement;
+using storage::Pieces;
+using storage::Room;
 
 // The number stays free: what was kept for the same event or for later ones, before the server was
 // killed and found its loops anew, is of another course of things.
@@ -22,17 +24,50 @@ Status drop_checkpoints(Database& database, std::size_t event, std::size_t keep)
   return drop.run();
 }
 
-Status write_checkpoint(Database& database, std::size_t event, const Map& before,
-                        const std::vector<KeyframeId>& keyframes, const storage::Blob& data) {
+// Beside those that are there: means nothing until a checkpoint names it.
+Status write_copy(Pieces& pieces, std::int64_t copy, const std::vector<KeyframeId>& keyframes,
+                  const storage::Blob& data) {
+  const Status status = pieces.rows(
+      keyframes.size(), [&](Database& database, std::size_t i, Room& room) -> Result<std::size_t> {
+        Statement need(database, "INSERT INTO copied_keyframes VALUES(?, ?, ?)");
+        for (; i < keyframes.size() && room.left(); ++i) {
+          need.bind(1, keyframes[i].epoch).bind(2, keyframes[i].sequence).bind(3, copy);
+          if (Status s = need.run(); !s) return s.error();
+          room.take(0);
+        }
+        return i;
+      });
+  if (!status) return status;
+  std::int64_t piece = 0;
+  return pieces.rows(
+      data.size(), [&](Database& database, std::size_t first, Room& room) -> Result<std::size_t> {
+        const auto bytes =
+            storage::Bytes(data).subspan(first, std::min(Room::kBytes, data.size() - first));
+        Statement write(database, "INSERT INTO copies VALUES(?, ?, ?)");
+        write.bind(1, copy).bind(2, piece++).bind(3, bytes);
+        if (Status s = write.run(); !s) return s.error();
+        room.take(bytes.size());
+        return first + bytes.size();
+      });
+}
+
+Status name_copy(Database& database, std::size_t event, const Map& before, std::int64_t copy) {
   Statement write(database, "INSERT INTO checkpoints VALUES(?, ?, ?)");
-  write.bind(1, std::uint64_t{event}).bind(2, before.id.value).bind(3, data);
-  if (Status status = write.run(); !status) return status;
-  Statement need(database, "INSERT INTO checkpoint_keyframes VALUES(?, ?, ?)");
-  for (const KeyframeId id : keyframes) {
-    need.bind(1, id.epoch).bind(2, id.sequence).bind(3, std::uint64_t{event});
-    if (Status status = need.run(); !status) return status;
+  write.bind(1, std::uint64_t{event}).bind(2, before.id.value).bind(3, copy);
+  return write.run();
+}
+
+Result<storage::Blob> read_copy(Database& database, std::int64_t copy) {
+  storage::Blob data;
+  Statement read(database, "SELECT data FROM copies WHERE copy = ? ORDER BY piece");
+  read.bind(1, copy);
+  Result<bool> row = read.step();
+  for (; row && *row; row = read.step()) {
+    const auto bytes = read.blob(0);
+    data.insert(data.end(), bytes.begin(), bytes.end());
   }
-  return {};
+  if (!row) return row.error();
+  return data;
 }
 
 Result<std::vector<std::size_t>> read_events(Database& database) {
@@ -56,6 +91,18 @@ Error not_kept(Database& database, std::size_t event) {
 
 }  // namespace
 
+Status storage::drop_loose_copies(Pieces& pieces) {
+  const Status status = pieces.repeat(
+      "DELETE FROM copies WHERE rowid IN (SELECT rowid FROM copies"
+      " WHERE copy NOT IN (SELECT copy FROM checkpoints) LIMIT 1)");
+  if (!status) return status;
+  return pieces.repeat(
+      fmt::format("DELETE FROM copied_keyframes WHERE (epoch, sequence, copy) IN"
+                  " (SELECT epoch, sequence, copy FROM copied_keyframes"
+                  "  WHERE copy NOT IN (SELECT copy FROM checkpoints) LIMIT {})",
+                  Room::kRows));
+}
+
 Result<CheckpointSummary> MapFile::save_checkpoint(const Map& before, std::size_t keep) {
   Parts& p = *parts_;
   if (p.mode == Mode::kReadOnly) return storage::refuse_writing().error();
@@ -63,22 +110,34 @@ Result<CheckpointSummary> MapFile::save_checkpoint(const Map& before, std::size_
   if (p.in_memory) return summary;
   const Stopwatch watch;
   const storage::Blob data = keep > 0 ? storage::encode_checkpoint(before) : storage::Blob();
-  const std::vector<KeyframeId> keyframes = before.keyframes.sorted_keys();
+  const std::vector<KeyframeId> keyframes =
+      keep > 0 ? before.keyframes.sorted_keys() : std::vector<KeyframeId>();
   summary.bytes = data.size();
 
-  const std::lock_guard lock(p.mutex);
-  const Stopwatch locked;
-  sqlite::Transaction transaction(p.database);
-  Status status = transaction.begin();
-  if (status) status = drop_checkpoints(p.database, summary.event, keep);
-  if (status && keep > 0) {
-    status = write_checkpoint(p.database, summary.event, before, keyframes, data);
-    if (status) status = storage::store_missing_blobs(p, keyframes, before);
-  }
-  if (status) status = transaction.commit();
+  // A save would drop the copy while nothing names it.
+  const std::lock_guard saving(p.save_mutex);
+  Pieces pieces(p);
+  std::int64_t copy = 0;
+  Status status = storage::drop_loose_copies(pieces);  // of a save that failed
+  if (status)
+    status = pieces.one([&](Database& database) -> Status {
+      const auto last = database.query_integer("SELECT max(copy) FROM checkpoints");
+      if (!last) return last.error();
+      copy = *last + 1;
+      return {};
+    });
+  if (status) status = write_copy(pieces, copy, keyframes, data);
+  if (status) status = storage::store_missing_blobs(p, pieces, keyframes, before);
+  if (status)
+    status = pieces.one([&](Database& database) -> Status {
+      Status s = drop_checkpoints(database, summary.event, keep);
+      if (s && keep > 0) s = name_copy(database, summary.event, before, copy);
+      return s;
+    });
+  if (status) status = storage::drop_loose_copies(pieces);
   if (!status) return status.error();
-  summary.locked_ms = locked.milliseconds();
   summary.milliseconds = watch.milliseconds();
+  summary.writing = pieces.times();
   return summary;
 }
 
@@ -93,11 +152,13 @@ Result<Map> MapFile::load_checkpoint(std::size_t event) {
   Parts& p = *parts_;
   if (p.in_memory) return {ErrorCode::kNotFound, "a map in memory keeps nothing to go back to"};
   const std::lock_guard lock(p.mutex);
-  Statement find(p.database, "SELECT data FROM checkpoints WHERE event = ?");
+  Statement find(p.database, "SELECT copy FROM checkpoints WHERE event = ?");
   find.bind(1, std::uint64_t{event});
   const Result<bool> found = find.step();
   if (!found) return found.error();
   if (!*found) return not_kept(p.database, event);
+  const Result<storage::Blob> data = read_copy(p.database, find.integer(0));
+  if (!data) return data.error();
 
   Statement read(p.database, "SELECT blob FROM keyframes WHERE epoch = ? AND sequence = ?");
   const auto load = [&](KeyframeId id) -> Result<KeyframePtr> {
@@ -110,7 +171,7 @@ Result<Map> MapFile::load_checkpoint(std::size_t event) {
     if (!decoded) return decoded.error();
     return std::move(decoded->keyframe);
   };
-  return storage::decode_checkpoint(find.blob(0), load);
+  return storage::decode_checkpoint(*data, load);
 }
 
 Status MapFile::restore(std::size_t event) {

@@ -151,6 +151,7 @@ Result<std::vector<wire::DecodedKeyframe>> MapFile::pending_keyframes() {
   Parts& p = *parts_;
   std::vector<wire::DecodedKeyframe> pending;
   if (p.in_memory) return pending;
+  const std::lock_guard saving(p.save_mutex);  // not while rows are on their way
   const std::lock_guard lock(p.mutex);
   const Status status = for_each_row(
       p.database,

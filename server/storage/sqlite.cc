@@ -67,6 +67,11 @@ Statement& Statement::bind(int place, std::span<const std::uint8_t> blob) {
   return *this;
 }
 
+Statement& Statement::bind_null(int place) {
+  if (statement_) sqlite3_bind_null(statement_, place);
+  return *this;
+}
+
 Result<bool> Statement::step() {
   if (!statement_) return error_;
   const int result = sqlite3_step(statement_);

@@ -38,6 +38,7 @@ class Statement {
   }
   Statement& bind(int place, std::string_view text);
   Statement& bind(int place, std::span<const std::uint8_t> blob);
+  Statement& bind_null(int place);
 
   // True: a row is there to read. False: no more rows; the statement is ready to be bound again.
   Result<bool> step();

@@ -246,9 +246,10 @@ TEST_F(CheckpointTest, KilledWhileKeepingAMapTheFileHoldsWhatItHeld) {
 TEST_F(CheckpointTest, DamagedOnesAreRefusedAndTheMapStaysAsItIs) {
   save_with_loop();
   const std::vector<std::string> damages = {
-      "UPDATE checkpoints SET data = substr(data, 1, length(data) / 2)",
-      "UPDATE checkpoints SET data = x''",
-      "UPDATE checkpoints SET data = substr(data, 1, 500) || x'ff' || substr(data, 502)",
+      "UPDATE copies SET data = substr(data, 1, length(data) / 2)",
+      "UPDATE copies SET data = x''",
+      "DELETE FROM copies",
+      "UPDATE copies SET data = substr(data, 1, 500) || x'ff' || substr(data, 502)",
       "DELETE FROM keyframes WHERE sequence = 1",
   };
   for (const std::string& damage : damages) {
