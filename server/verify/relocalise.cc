@@ -306,6 +306,10 @@ class Locator {
     if (result_.cells < options_.min_cells)
       return fmt::format("in {} parts of the image, fewer than {}", result_.cells,
                          options_.min_cells);
+    const double distinctive = static_cast<double>(result_.consensus) / result_.inliers;
+    if (distinctive < options_.min_distinctive)
+      return fmt::format("{:.2f} of the inliers are distinctive, less than {}", distinctive,
+                         options_.min_distinctive);
     look_for_what_should_show();
     if (result_.found < options_.min_found)
       return fmt::format("{:.2f} of what should show does, less than {}", result_.found,

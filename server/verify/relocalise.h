@@ -51,6 +51,9 @@ struct LocateOptions {
   int min_cells = 8;
   double min_found = 0.15;
   double max_contradicted = 0.35;
+  // Of the landmarks that agree, so many must have been distinctive by themselves (2): on a wall of
+  // equal bricks everything fits once a few bricks do.
+  double min_distinctive = 0.1;
 };
 
 struct Location {
