@@ -37,6 +37,26 @@ LoopEdge edge_of(const VerifiedLoop& loop) {
   return edge;
 }
 
+// Which runs go on in the part that moves, and which have keyframes in others too (a client that
+// was lost). `part` is sorted.
+void tell_runs(const Map& map, const std::vector<KeyframeId>& part, LoopEdge& edge) {
+  struct Run {
+    KeyframeId latest;
+    bool inside = false, outside = false;
+  };
+  std::map<std::uint64_t, Run> runs;
+  map.keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
+    Run& run = runs[id.epoch];
+    run.latest = std::max(run.latest, id);
+    const bool inside = std::binary_search(part.begin(), part.end(), id);
+    (inside ? run.inside : run.outside) = true;
+  });
+  for (const auto& [epoch, run] : runs) {
+    if (std::binary_search(part.begin(), part.end(), run.latest)) edge.moved.push_back(epoch);
+    if (run.inside && run.outside) edge.split.push_back(epoch);
+  }
+}
+
 }  // namespace
 
 LoopCloser::LoopCloser(MapWriter& writer, std::shared_ptr<const Vocabulary> vocabulary,
@@ -258,9 +278,7 @@ LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
   LoopClosure closure{.edge = edge_of(loop), .correction = MapDelta::based_on(map)};
   closure.edge.merges = true;
   closure.edge.new_map_from_old_map = query_moves ? move : move.inverse();
-  std::set<std::uint64_t> runs;
   for (const KeyframeId id : part) {
-    runs.insert(id.epoch);
     const KeyframeNode& node = map.keyframes.at(id);
     closure.correction.poses.push_back(
         {id, node.map_from_camera,
@@ -272,7 +290,7 @@ LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
             {l, closure.edge.new_map_from_old_map * landmark->position});
     }
   }
-  closure.edge.moved.assign(runs.begin(), runs.end());
+  tell_runs(map, part, closure.edge);
   add_fusions(loop, closure.correction);
   return closure;
 }

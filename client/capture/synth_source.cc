@@ -63,6 +63,20 @@ bool set_blur(SequenceOptions& o, std::string_view text) {
   return true;
 }
 
+// "60-120".
+bool set_black(SequenceOptions& o, std::string_view text) {
+  const auto dash = text.find('-');
+  return dash != text.npos && parse(text.substr(0, dash), o.black_from) &&
+         parse(text.substr(dash + 1), o.black_until);
+}
+
+// "120:7.5".
+bool set_jump(SequenceOptions& o, std::string_view text) {
+  const auto colon = text.find(':');
+  return colon != text.npos && parse(text.substr(0, colon), o.jump_at) &&
+         parse(text.substr(colon + 1), o.jump_s);
+}
+
 const std::vector<Key>& keys() {
   static const std::vector<Key> list = {
       {"frames", number(&SequenceOptions::frames)},
@@ -79,6 +93,8 @@ const std::vector<Key>& keys() {
       {"focal", number(&SequenceOptions::focal)},
       {"baseline", number(&SequenceOptions::baseline_m)},
       {"threads", number(&SequenceOptions::threads)},
+      {"black", set_black},
+      {"jump", set_jump},
   };
   return list;
 }

@@ -17,6 +17,8 @@ namespace cairn {
 //   noise depth_noise             0 or 1
 //   width height focal baseline   pixels, pixels, metres
 //   threads                       that render a frame
+//   black=A-B                     frames A .. B-1 show nothing
+//   jump=A:S                      from frame A on the camera is S seconds further along the path
 // `sensor` is what the sequence has when the text doesn't say. Unknown keys and bad values are an
 // error that names what is known.
 Result<synthetic::SequenceOptions> parse_synth_spec(const std::string& spec, Sensor sensor);

@@ -84,7 +84,7 @@ struct IngestOptions {
   std::function<void(const ClientEvent&)> on_event;
   // A client wants to know where `view` lies (RelocaliseAnswer); called likewise. Null: nobody
   // answers.
-  std::function<void(const ClientId&, KeyframePtr view)> on_question;
+  std::function<void(const ClientId&, KeyframePtr view)> on_question = {};
   std::string dds_config;  // XML instead of what CYCLONEDDS_URI names
 };
 

@@ -91,10 +91,14 @@ struct LoopEdge {
   Sim3 candidate_from_query;  // camera to camera, as verified
   int inliers = 0;            // landmarks that both show
 
-  // Of a merge: how the part that moved lay before, and which runs (epochs of clients) it held.
+  // Of a merge: how the part that moved lay before, and which runs (epochs of clients) went on in
+  // it: had their latest keyframe there.
   bool merges = false;
   Sim3 new_map_from_old_map;
   std::vector<std::uint64_t> moved;  // ascending
+  // Runs that had keyframes both in it and elsewhere; their clients can't move all that they have
+  // as one. Ascending. Not saved: who is told after a restart is told everything.
+  std::vector<std::uint64_t> split;
 };
 
 // Landmarks with neighbouring numbers were made together, from one keyframe, and change together.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <unordered_set>
 
+#include "server/publish/landmark_state.h"
 #include "server/publish/neighbourhood.h"
 
 namespace cairn {
@@ -12,21 +13,8 @@ namespace {
 constexpr std::size_t kChecksEach = 1000;
 // After a refresh the client may still hold landmarks that it made from so many latest keyframes.
 constexpr std::uint32_t kProvisionalKeyframes = 60;
-
-LandmarkState state_of(const Landmark& landmark) {
-  LandmarkState state{.id = landmark.id,
-                      .position = landmark.position,
-                      .normal = landmark.normal,
-                      .min_distance = landmark.min_distance,
-                      .max_distance = landmark.max_distance,
-                      .descriptor = landmark.descriptor,
-                      .observers = {}};
-  const auto& all = landmark.observations;
-  const std::size_t count = std::min(all.size(), LandmarkState::kMaxObservers);
-  for (std::size_t i = all.size() - count; i < all.size(); ++i)
-    state.observers.push_back(all[i].keyframe);
-  return state;
-}
+// Keyframes that are asked for a way to one that was culled.
+constexpr int kNearestAsked = 20;
 
 // The name that a client's landmark goes by now; nothing when it is gone.
 std::optional<LandmarkId> name_now(const Map& map, LandmarkId id) {
@@ -41,15 +29,28 @@ std::optional<LandmarkId> name_now(const Map& map, LandmarkId id) {
   return shown;
 }
 
+// The keyframe in the map that holds the place of one that was culled.
+KeyframeId present(const Map& map, KeyframeId id) {
+  while (const FormerKeyframe* former = map.removed_keyframes.find(id)) id = former->anchor;
+  return id;
+}
+
+// Not valid for a keyframe that the map does not have.
+KeyframeId root_of(const Map& map, KeyframeId id) {
+  const KeyframeNode* node = map.keyframes.find(id);
+  if (!node) return {};
+  for (; node->parent.is_valid(); node = &map.keyframes.at(id)) id = node->parent;
+  return id;
+}
+
 }  // namespace
 
 std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t mapped_keyframes,
                                                 Kind kind, bool settled) {
   const bool refresh = kind == Kind::kRefresh || map_ != map.id;
   if (refresh) start_over();
-  const bool news =
-      refresh || mapped_keyframes != mapped_keyframes_ || map.merge_epoch != merge_epoch_ ||
-      settled != settled_;
+  const bool news = refresh || mapped_keyframes != mapped_keyframes_ ||
+                    map.merge_epoch != merge_epoch_ || settled != settled_;
   ++differences_;
   MapUpdate update;
   if (!refresh) follow_loops(map, update);
@@ -75,15 +76,20 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
 
 // A part that was merged into another one has moved as a whole: the client moves what it has. After
 // a loop the client lets its landmarks follow its keyframes, and is told anew where they are once
-// it comes near them.
+// it comes near them; likewise where it has been in both parts, so that not all that it has moves.
 void ClientView::follow_loops(const Map& map, MapUpdate& update) {
   Sim3 move;
   for (std::size_t i = merge_epoch_; i < map.loops.size(); ++i) {
     const LoopEdge& loop = map.loops[i];
-    if (!loop.merges) {
+    const bool split = std::binary_search(loop.split.begin(), loop.split.end(), epoch_);
+    if (!loop.merges || split) {
       update.landmarks_follow = true;
       for (Known& known : known_) known.told = false;
-    } else if (std::binary_search(loop.moved.begin(), loop.moved.end(), epoch_)) {
+    }
+    // What they were told to hang on may lie in the other part.
+    for (OwnKeyframe& own : keyframes_)
+      if (split && own.told == Told::kRemoval) own.told = Told::kNothing;
+    if (loop.merges && std::binary_search(loop.moved.begin(), loop.moved.end(), epoch_)) {
       move = loop.new_map_from_old_map * move;
       update.new_map_from_old_map = move;
     }
@@ -162,22 +168,34 @@ void ClientView::tell_removal(const Map& map, std::uint32_t sequence, MapUpdate&
   keyframes_[sequence].told = Told::kRemoval;
 }
 
+// In time; if one of the nearest is known to lie in the same part of the map, that.
 std::optional<KeyframeId> ClientView::nearest_own(const Map& map, std::uint32_t sequence) const {
+  const KeyframeId root = root_of(map, present(map, {epoch_, sequence}));
   const auto size = static_cast<std::uint32_t>(keyframes_.size());
+  std::optional<KeyframeId> nearest;
+  int asked = 0;
+  // True: that one, or enough asked.
+  const auto consider = [&](KeyframeId id) {
+    if (!map.keyframes.contains(id)) return false;
+    const bool connected = root_of(map, id) == root;
+    if (!nearest || connected) nearest = id;
+    return connected || ++asked == kNearestAsked;
+  };
   for (std::uint32_t distance = 1; distance < size; ++distance) {
-    const KeyframeId before{epoch_, sequence - distance};
-    if (distance <= sequence && map.keyframes.contains(before)) return before;
-    const KeyframeId after{epoch_, sequence + distance};
-    if (sequence + distance < size && map.keyframes.contains(after)) return after;
+    if (distance <= sequence && consider({epoch_, sequence - distance})) break;
+    if (sequence + distance < size && consider({epoch_, sequence + distance})) break;
   }
-  return std::nullopt;
+  return nearest;
 }
 
 // The client has had them since it made the keyframe. Those that the map refused, or that are gone
 // already, are reported by the check that follows.
 void ClientView::count_own_landmarks(const KeyframeNode& node) {
+  // A monocular client names a landmark after the earlier of the two keyframes that made it.
+  const bool mono = node.rig().sensor == Sensor::kMono;
   for (const LandmarkMatch& match : node.keyframe->matches)
-    if (match.landmark == LandmarkId::from_feature(node.keyframe->id, match.feature))
+    if (match.landmark == LandmarkId::from_feature(node.keyframe->id, match.feature) ||
+        (mono && match.landmark.origin == epoch_))
       near_.push_back(know(match.landmark));
 }
 

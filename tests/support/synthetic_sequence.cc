@@ -27,6 +27,9 @@ Status validate(const SequenceOptions& o) {
   if (o.exposure_s && !(*o.exposure_s >= 0 && *o.exposure_s <= 1)) {
     return bad("exposure: must be 0 to 1 s");
   }
+  if (o.black_from < 0 || o.black_until < o.black_from || o.jump_at < 0)
+    return bad("black, jump: frames must ascend and not be below 0");
+  if (!std::isfinite(o.jump_s)) return bad("jump: must be a number of seconds");
   if (o.sub_exposures < 1 || o.sub_exposures > 100) return bad("sub-exposures: must be 1 to 100");
   return {};
 }
@@ -76,8 +79,17 @@ std::int64_t SyntheticSequence::stamp_ns(int index) const {
   return kFirstStamp + 1000 * std::llround(seconds(index) * 1e6);
 }
 
+double SyntheticSequence::seconds_along_path(int index) const {
+  const bool jumped = options_.jump_at > 0 && index >= options_.jump_at;
+  return seconds(index) + (jumped ? options_.jump_s : 0);
+}
+
+bool SyntheticSequence::is_black(int index) const {
+  return index >= options_.black_from && index < options_.black_until;
+}
+
 Rigid3 SyntheticSequence::world_from_camera(int index) const {
-  return trajectory_.world_from_camera(seconds(index));
+  return trajectory_.world_from_camera(seconds_along_path(index));
 }
 
 cv::Mat SyntheticSequence::expose(int index, int camera, cv::Mat* depth) const {
@@ -86,7 +98,7 @@ cv::Mat SyntheticSequence::expose(int index, int camera, cv::Mat* depth) const {
   const int count = exposure_s_ > 0 ? options_.sub_exposures : 1;
   cv::Mat sum;
   for (int i = 0; i < count; ++i) {
-    const double moment = seconds(index) + exposure_s_ * ((i + 0.5) / count - 0.5);
+    const double moment = seconds_along_path(index) + exposure_s_ * ((i + 0.5) / count - 0.5);
     const Rendering image =
         renderer_.render(trajectory_.world_from_camera(moment) * left_from_camera);
     if (depth != nullptr && i == count / 2) *depth = image.depth;
@@ -104,6 +116,15 @@ SyntheticFrame SyntheticSequence::frame(int index) const {
   SyntheticFrame frame;
   frame.stamp_ns = stamp_ns(index);
   frame.world_from_camera = world_from_camera(index);
+  if (is_black(index)) {
+    const auto blank = [&](int type) {
+      return cv::Mat(camera_.height(), camera_.width(), type, cv::Scalar(0));
+    };
+    frame.gray = blank(CV_8UC1);
+    if (options_.sensor == Sensor::kStereo) frame.right = blank(CV_8UC1);
+    if (options_.sensor == Sensor::kRgbd) frame.depth = blank(CV_32FC1);
+    return frame;
+  }
   const int threads = options_.threads;
   const auto finish = [&](const cv::Mat& radiance, std::uint64_t camera) {
     const std::uint64_t key = 4 * static_cast<std::uint64_t>(index) + camera;

@@ -42,6 +42,12 @@ struct SequenceOptions {
   bool noise = true;  // of the grey images
   bool depth_noise = true;
   int threads = 1;  // that work on a frame
+  // Frames black_from .. black_until-1 show nothing: a hand on the lens.
+  int black_from = 0, black_until = 0;
+  // From frame `jump_at` on (0: never) the camera is where it would be `jump_s` seconds later:
+  // carried there unseen, if it is black before. Stamps go on as they were.
+  int jump_at = 0;
+  double jump_s = 0;
 };
 
 struct SyntheticFrame {
@@ -71,6 +77,8 @@ class SyntheticSequence {
                     std::shared_ptr<const Scene> scene, const Trajectory& trajectory);
 
   double seconds(int index) const;
+  double seconds_along_path(int index) const;
+  bool is_black(int index) const;
   // The image of one camera (0: left, 1: right), averaged over the exposure, and the depth in the
   // middle of it.
   cv::Mat expose(int index, int camera, cv::Mat* depth) const;

@@ -18,6 +18,7 @@
 #include "server/place/vocabulary_training.h"
 #include "server/tool/training_images.h"
 #include "tests/bench/place/flann_words.h"
+#include "tests/bench/place/relocalise_bench.h"
 #include "tests/bench/place/revisits.h"
 
 namespace cairn::bench {
@@ -292,7 +293,7 @@ int tell_curve(const World& world) {
   return 0;
 }
 
-int run(const std::string& path, bool curve) {
+int run(const std::string& path, bool curve, bool relocalisation) {
   Result<Vocabulary> vocabulary{ErrorCode::kInternal, ""};
   const double load_ms = milliseconds([&] { vocabulary = Vocabulary::load(path); });
   if (!vocabulary) {
@@ -300,12 +301,17 @@ int run(const std::string& path, bool curve) {
     return 1;
   }
   fmt::print("{}: {} words, loaded in {:.1f} ms\n", path, vocabulary->size(), load_ms);
+  if (relocalisation) {
+    tell_relocalisation(*vocabulary);
+    return 0;
+  }
   const World world = make_world();
   tell_revisits(*vocabulary, world);
   tell_options(*vocabulary, world);
   tell_repeats(*vocabulary, world);
   tell_look_up(*vocabulary, world);
   tell_costs(*vocabulary, world);
+  tell_relocalisation(*vocabulary);
   return curve ? tell_curve(world) : 0;
 }
 
@@ -315,10 +321,11 @@ int run(const std::string& path, bool curve) {
 int main(int argc, char** argv) {
   CLI::App app("Place recognition: recall, precision, time", "cairn_place_bench");
   std::string path = CAIRN_SOURCE_DIR "/config/vocabulary.bin";
-  bool curve = false;
+  bool curve = false, relocalisation = false;
   app.add_option("--vocabulary", path, "File of the vocabulary")->capture_default_str();
   app.add_flag("--curve", curve, "Also train vocabularies of several sizes and compare them");
+  app.add_flag("--relocalisation", relocalisation, "Only tell what finding a lost client costs");
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // tables grow under the eyes of whoever waits
-  return cairn::bench::run(path, curve);
+  return cairn::bench::run(path, curve, relocalisation);
 }

@@ -153,5 +153,35 @@ TEST(SyntheticSequence, RejectsNumbersOutOfRange) {
   EXPECT_FALSE(SyntheticSequence::make({.exposure_s = 2.0}).ok());
 }
 
+TEST(SyntheticSequence, ShowsNothingUnderTheLensCapAndJumps) {
+  const SequenceOptions still{.scene = "hall", .frames = 6, .width = 64, .height = 48};
+  SequenceOptions moved = still;
+  moved.black_from = 1;
+  moved.black_until = 3;
+  moved.jump_at = 3;
+  moved.jump_s = 5;
+  const auto usual = SyntheticSequence::make(still), jumping = SyntheticSequence::make(moved);
+  ASSERT_TRUE(usual.ok() && jumping.ok());
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ((*jumping)->stamp_ns(i), (*usual)->stamp_ns(i)) << i;
+    const SyntheticFrame frame = (*jumping)->frame(i);
+    const bool black = i == 1 || i == 2;
+    EXPECT_EQ(cv::countNonZero(frame.gray) == 0, black) << i;
+    EXPECT_EQ(cv::countNonZero(frame.depth) == 0, black) << i;
+  }
+  EXPECT_EQ((*jumping)->world_from_camera(0).translation,
+            (*usual)->world_from_camera(0).translation);
+  SequenceOptions later = still;
+  later.start_s = 5;
+  EXPECT_LT(((*jumping)->world_from_camera(4).translation -
+             (*SyntheticSequence::make(later))->world_from_camera(4).translation)
+                .norm(),
+            1e-9);
+  EXPECT_EQ((*jumping)->frame(4).world_from_camera.translation,
+            (*jumping)->world_from_camera(4).translation);
+  moved.black_until = 0;
+  EXPECT_FALSE(SyntheticSequence::make(moved).ok());
+}
+
 }  // namespace
 }  // namespace cairn::synthetic

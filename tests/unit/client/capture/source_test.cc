@@ -375,6 +375,12 @@ TEST(SynthSource, UnderstandsEveryKey) {
   EXPECT_EQ(options->focal, 400);
   EXPECT_EQ(options->baseline_m, 0.2);
   EXPECT_EQ(options->threads, 2);
+  const auto carried = parse_synth_spec("hall?black=60-120&jump=120:-7.5", Sensor::kRgbd);
+  ASSERT_TRUE(carried.ok()) << carried.message();
+  EXPECT_EQ(carried->black_from, 60);
+  EXPECT_EQ(carried->black_until, 120);
+  EXPECT_EQ(carried->jump_at, 120);
+  EXPECT_EQ(carried->jump_s, -7.5);
   EXPECT_EQ(parse_synth_spec("desk?blur", Sensor::kMono)->exposure_s, 0.020);
   EXPECT_EQ(parse_synth_spec("desk?blur=0", Sensor::kMono)->exposure_s, 0.0);
   EXPECT_EQ(parse_synth_spec("desk", Sensor::kMono)->sensor, Sensor::kMono);
@@ -384,6 +390,9 @@ TEST(SynthSource, NamesUnknownKeysAndBadValues) {
   EXPECT_THAT(play("synth:desk?frame=3", std::nullopt).error, HasSubstr("unknown key 'frame'"));
   EXPECT_THAT(play("synth:desk?frame=3", std::nullopt).error, HasSubstr("frames, path, seed"));
   EXPECT_THAT(play("synth:desk?frames=three", std::nullopt).error, HasSubstr("'three'"));
+  EXPECT_THAT(play("synth:desk?black=60", std::nullopt).error, HasSubstr("'60'"));
+  EXPECT_THAT(play("synth:desk?jump=x:3", std::nullopt).error, HasSubstr("'x:3'"));
+  EXPECT_THAT(play("synth:desk?black=9-3", std::nullopt).error, HasSubstr("black"));
   EXPECT_THAT(play("synth:desk?frames=-3", std::nullopt).error, HasSubstr("frames"));
   EXPECT_THAT(play("synth:attic", std::nullopt).error, HasSubstr("unknown scene 'attic'"));
 }

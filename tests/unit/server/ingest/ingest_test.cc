@@ -47,6 +47,12 @@ class IngestTest : public ::testing::Test {
                                  .map = {1},
                                  .forget_after = forget_after_,
                                  .on_event = [this](const ClientEvent& e) { note(e); },
+                                 .on_question =
+                                     [this](const ClientId& client, KeyframePtr view) {
+                                       std::lock_guard lock(mutex_);
+                                       questions_.emplace_back(client, std::move(view));
+                                       changed_.notify_all();
+                                     },
                                  .dds_config = node.config},
                                 journal_);
     EXPECT_TRUE(ingest) << (ingest ? "" : ingest.message());
@@ -86,6 +92,14 @@ class IngestTest : public ::testing::Test {
       return false;
     });
   }
+  // The latest question, once it is the one of that number.
+  KeyframePtr wait_question(std::uint32_t number) {
+    std::unique_lock lock(mutex_);
+    const bool came = changed_.wait_for(lock, 5s, [&] {
+      return !questions_.empty() && questions_.back().second->id.sequence == number;
+    });
+    return came ? questions_.back().second : nullptr;
+  }
   static std::vector<std::uint32_t> take(Ingest& ingest, std::uint32_t count) {
     std::stop_source stop;
     std::jthread watchdog([&](std::stop_token done) {
@@ -113,7 +127,62 @@ class IngestTest : public ::testing::Test {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<ClientEvent> events_;
+  std::vector<std::pair<ClientId, KeyframePtr>> questions_;
 };
+
+// A view to be found in the map: nothing is known of it but what it shows.
+KeyframePtr sample_view(std::uint32_t number, std::size_t features = 1000) {
+  auto view =
+      std::make_shared<Keyframe>(cairn::testing::sample_keyframe({kEpoch, number}, features));
+  view->reference = {};
+  view->reference_from_camera = {};
+  view->odom_from_camera = {};
+  view->matches.clear();
+  return view;
+}
+
+TEST_F(IngestTest, QuestionsReachTheServerAndAnswersTheClientThatAsked) {
+  auto ingest = serve();
+  auto link = connect();
+  auto other = connect("bob", 77);
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined, "bob"));
+  link->ask(sample_view(4));
+  const KeyframePtr view = wait_question(4);
+  ASSERT_TRUE(view);
+  EXPECT_EQ(view->features.size(), 1000u);
+  EXPECT_EQ(ingest->stats().questions, 1u);
+
+  RelocaliseAnswer answer = cairn::testing::sample_answer(kEpoch, 500);
+  answer.number = 4;
+  ASSERT_TRUE(ingest->answer({"alice", kEpoch}, answer));
+  const auto got = link->wait_answer(5s);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->number, 4u);
+  EXPECT_EQ(got->around.landmarks.size(), 500u);
+  EXPECT_FALSE(link->poll_answer()) << "an answer is taken once";
+  EXPECT_FALSE(other->poll_answer());
+  EXPECT_EQ(link->stats().questions, 1u);
+  EXPECT_GT(link->stats().bytes_up, 40'000u);
+  EXPECT_EQ(ingest->answer({"nobody", 5}, answer).error().code, ErrorCode::kNotFound);
+}
+
+// Who is cut off asks again and again; what is heard in the end is the latest question alone.
+TEST_F(IngestTest, QuestionsDoNotPileUp) {
+  auto ingest = serve();
+  auto link = connect();
+  ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  auto cable = dds::Participant::create({client_domain_, ""});
+  ASSERT_TRUE(cable);
+  ASSERT_TRUE((*cable)->set_cut(true));
+  for (std::uint32_t number = 1; number <= 20; ++number) {
+    link->ask(sample_view(number, 300));
+    std::this_thread::sleep_for(5ms);
+  }
+  ASSERT_TRUE((*cable)->set_cut(false));
+  ASSERT_TRUE(wait_question(20));
+  EXPECT_LE(ingest->stats().questions, 2u);
+}
 
 TEST_F(IngestTest, KeyframesArriveInOrderAndLeaveTheOutbox) {
   auto ingest = serve();
@@ -286,8 +355,11 @@ TEST_F(IngestTest, BrokenJournalDelaysButLosesNothing) {
   auto link = connect();
   journal_.broken = true;
   for (std::uint32_t i = 0; i < 5; ++i) link->send(sample_keyframe_ptr({kEpoch, i}));
-  EXPECT_FALSE(link->wait_delivered(300ms));
+  const auto deadline = std::chrono::steady_clock::now() + 10s;
+  while (ingest->stats().journal_failures == 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(10ms);
   EXPECT_GT(ingest->stats().journal_failures, 0u);
+  EXPECT_FALSE(link->wait_delivered(100ms));
   EXPECT_EQ(link->stats().keyframes_in_outbox, 5u);
   journal_.broken = false;
   EXPECT_EQ(take(*ingest, 5), up_to(5));

@@ -114,5 +114,104 @@ TEST(Loops, APartThatStaysIsNotMoved) {
   EXPECT_LT(pair.landmark_error(), 0.01);
 }
 
+// A client that was lost has keyframes in two parts of the map, which have nothing in common: its
+// first ones in a part of its own, the last one where somebody else has been.
+struct TwoParts {
+  TwoParts() {
+    map.id = {1};
+    for (const KeyframePtr& keyframe : own.keyframes) add(keyframe, keyframe->odom_from_camera);
+    for (const KeyframePtr& keyframe : others.keyframes) apply_keyframe(map, keyframe);
+    found = std::make_shared<Keyframe>(*others.keyframes[2]);
+    found->id = {7, kKeyframes};
+    found->reference = others.keyframes[1]->id;
+    found->reference_from_camera = others.keyframes[2]->reference_from_camera;
+    // Landmarks that the other client has made.
+    std::erase_if(found->matches, [](const LandmarkMatch& m) {
+      return m.landmark.creator() == KeyframeId{9, 2};
+    });
+    add(found, map.pose_of(found->reference).value() * found->reference_from_camera);
+    for (int i = 0; i < 100; ++i) tell();
+  }
+  void add(const KeyframePtr& keyframe, const Rigid3& pose) {
+    apply_keyframe(map, keyframe);
+    local.add_keyframe(keyframe, pose);
+  }
+  std::optional<MapUpdate> tell() {
+    auto update = view.difference(map, kKeyframes + 1);
+    if (update) local.apply(*update);
+    return update;
+  }
+  // The client's own part, or else that of the other client, moves beside the one that stays.
+  void merge(bool own_moves) {
+    LoopClosure closure;
+    closure.edge.query = {7, 0};
+    closure.edge.candidate = {9, 0};
+    closure.edge.merges = true;
+    closure.edge.new_map_from_old_map = Sim3(kMove);
+    if (!own_moves) closure.edge.moved = {7};
+    closure.edge.moved.push_back(own_moves ? 99 : 9);
+    closure.edge.split = {7};
+    closure.correction = MapDelta::based_on(map);
+    map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
+      if ((id.epoch == 7 && id.sequence < kKeyframes) != own_moves) return;
+      closure.correction.poses.push_back({id, node.map_from_camera, kMove * node.map_from_camera});
+      for (const LandmarkId l : node.landmarks)
+        if (l.is_valid() && map.landmarks.at(l).reference == id)
+          closure.correction.positions.push_back({l, kMove * map.landmarks.at(l).position});
+    });
+    ASSERT_FALSE(apply_loop(map, closure).is_void);
+  }
+  double keyframe_error() const {
+    double worst = 0;
+    for (std::uint32_t k = 0; k <= kKeyframes; ++k)
+      worst = std::max(
+          worst, (local.pose_of({7, k})->translation - map.pose_of({7, k})->translation).norm());
+    return worst;
+  }
+  // Of the landmarks that the client has and that some own keyframe sees.
+  double landmark_error() const {
+    double worst = 0;
+    map.landmarks.for_each([&](LandmarkId id, const Landmark& landmark) {
+      const LocalLandmark* mine = local.find(id);
+      if (mine && (id.origin == 7 || id.origin == 9))
+        worst = std::max(worst, (mine->position - landmark.position).norm());
+    });
+    return worst;
+  }
+
+  SyntheticMap own{{.keyframes = kKeyframes, .epoch = 7}};
+  SyntheticMap others{{.keyframes = 4, .seed = 5, .epoch = 9}};
+  std::shared_ptr<Keyframe> found;
+  Map map;
+  ClientView view{7};
+  LocalMap local;
+};
+
+TEST(Loops, WhoHasBeenInBothPartsMovesOnlyWhatMoves) {
+  for (const bool own_moves : {true, false}) {
+    TwoParts parts;
+    ASSERT_LT(parts.keyframe_error(), 1e-3);
+    ASSERT_LT(parts.landmark_error(), 0.01);
+    parts.merge(own_moves);
+    ASSERT_GT(parts.keyframe_error(), 0.5);
+    const auto update = parts.tell();
+    ASSERT_TRUE(update);
+    EXPECT_EQ(update->new_map_from_old_map.has_value(), !own_moves);
+    EXPECT_LT(parts.keyframe_error(), 1e-3) << own_moves;
+    EXPECT_LT(parts.landmark_error(), 0.01) << own_moves;
+  }
+}
+
+// A culled keyframe hangs on one of its own part, and follows that.
+TEST(Loops, ACulledKeyframeMovesWithItsPart) {
+  TwoParts parts;
+  ASSERT_TRUE(remove_keyframe(parts.map, {7, kKeyframes - 1}));
+  ASSERT_TRUE(parts.tell());
+  EXPECT_LT(parts.keyframe_error(), 1e-3);
+  parts.merge(true);
+  ASSERT_TRUE(parts.tell());
+  EXPECT_LT(parts.keyframe_error(), 1e-3);
+}
+
 }  // namespace
 }  // namespace cairn
