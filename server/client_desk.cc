@@ -1,26 +1,16 @@
 #include "server/client_desk.h"
 
-#include <algorithm>
-
 namespace cairn {
 
-ClientDesk::ClientDesk(const ClientId& client, MapWriter& writer, const LocalSolver& solver,
+ClientDesk::ClientDesk(const ClientId& client, MapWriter& writer,
                        const LocalMappingOptions& options)
-    : mapping_(writer, solver, options),
-      view_(client.epoch),
-      mapped_keyframes_(writer.snapshot()->mapped_of(client.epoch)) {}
-
-LocalMappingReport ClientDesk::map_keyframe(KeyframeId id, std::size_t backlog) {
-  const LocalMappingReport report = mapping_.map_keyframe(id, backlog);
-  mapped_keyframes_ = std::max(mapped_keyframes_, id.sequence + 1);
-  return report;
-}
+    : epoch_(client.epoch), mapping_(writer, options), view_(client.epoch) {}
 
 Status ClientDesk::tell(const Map& map, bool settled,
                         const std::function<Status(const MapUpdate&)>& send) {
   const auto kind =
       wants_refresh_.exchange(false) ? ClientView::Kind::kRefresh : ClientView::Kind::kChanges;
-  const auto update = view_.difference(map, mapped_keyframes_, kind, settled);
+  const auto update = view_.difference(map, map.mapped_of(epoch_), kind, settled);
   if (!update) return {};
   Status sent = send(*update);
   if (!sent) refresh();  // the view takes it as told

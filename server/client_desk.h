@@ -19,11 +19,11 @@ namespace cairn {
 // The FairQueue gives out one job of a client at a time; whoever has it uses the client's desk.
 class ClientDesk {
  public:
-  // `writer` must outlive this. The desk of a run that the map has keyframes of goes on from there.
-  ClientDesk(const ClientId& client, MapWriter& writer, const LocalSolver& solver,
-             const LocalMappingOptions& options);
+  // `writer` must outlive this.
+  ClientDesk(const ClientId& client, MapWriter& writer, const LocalMappingOptions& options = {});
 
-  LocalMappingReport map_keyframe(KeyframeId id, std::size_t backlog);
+  // Local mapping of a keyframe of this client, up to the solve.
+  LocalMappingReport extend(KeyframeId id) { return mapping_.extend(id); }
 
   // Sends what the client has not been told yet, if anything, or all anew when it wants a refresh.
   // What `send` refuses the client has not heard of: the next time starts over.
@@ -35,15 +35,13 @@ class ClientDesk {
 
   // From any thread: whether a job without a keyframe waits for this desk; one at a time is enough.
   std::atomic<bool> event_waits = false;
-  // Keyframes that wait in the queue; counts from any thread.
-  std::atomic<int> awaiting_mapping = 0;
   // The client wants the answer to a keyframe after all that follows from it.
   std::atomic<bool> lockstep = false;
 
  private:
+  const std::uint64_t epoch_;
   LocalMapping mapping_;
   ClientView view_;
-  std::uint32_t mapped_keyframes_;  // 0 .. mapped_keyframes-1 have been through mapping
   std::atomic<bool> wants_refresh_ = false;
 };
 

@@ -28,7 +28,7 @@
 #include "server/global_adjuster.h"
 #include "server/map/map_writer.h"
 #include "server/mapping/fuse.h"
-#include "server/mapping/local_mapping.h"
+#include "server/mapping/local_adjuster.h"
 #include "server/optimize/pose_graph.h"
 #include "server/place/loop_candidates.h"
 #include "server/place/vocabulary.h"
@@ -97,6 +97,9 @@ class LoopCloser {
   void close();
 
   const LoopCounters& counters() const { return counters_; }
+  // What all keyframes that have been looked up look like; safe to query from any thread, without
+  // waiting for what is under way here.
+  const PlaceIndex& index() const { return index_; }
   const GlobalAdjuster& adjuster() const { return adjuster_; }
 
  private:
@@ -128,8 +131,8 @@ class LoopCloser {
   const LoopCloserHooks hooks_;
   LoopCounters counters_;
 
+  PlaceIndex index_;  // which the recognising thread alone changes
   // The recognising thread's alone.
-  PlaceIndex index_;
   std::set<KeyframeId> indexed_;                        // what it holds
   std::map<std::uint64_t, LoopCandidates> candidates_;  // by run
   GridCache grids_;

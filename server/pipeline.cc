@@ -42,6 +42,18 @@ MapDelta solve(const Map& map, const LocalWindow& window, std::stop_token stop) 
   return delta;
 }
 
+LocalWindowOptions window_options(const ServerConfig& config) {
+  LocalWindowOptions options;
+  options.max_free = static_cast<std::size_t>(config.local_window);
+  return options;
+}
+
+LocalAdjusterOptions adjuster_options(const ServerConfig& config) {
+  LocalAdjusterOptions options;
+  options.window = window_options(config);
+  return options;
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Pipeline>> Pipeline::start(const ServerConfig& config) {
@@ -71,7 +83,9 @@ Pipeline::Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Ma
     : config_(config),
       file_(std::move(file)),
       writer_(std::move(map)),
-      desks_([this](const ClientId& client) { return make_desk(client); }) {}
+      desks_(
+          [this](const ClientId& client) { return std::make_shared<ClientDesk>(client, writer_); }),
+      adjuster_(writer_, solve, adjuster_options(config)) {}
 
 Pipeline::~Pipeline() {
   if (!stopped_) (void)stop();
@@ -88,7 +102,7 @@ Status Pipeline::replay_journal() {
   if (!unmapped.empty() || !pending->empty())
     log::info("{} journaled keyframes to map again", unmapped.size() + pending->size());
   for (const KeyframeId id : unmapped)
-    push_keyframe(client_of(*clients, id), Job{id, Clock::now(), Origin::kFile});
+    push_keyframe(client_of(*clients, id), id, Clock::now(), Origin::kFile);
   for (wire::DecodedKeyframe& decoded : *pending)
     insert(decoded.client, std::move(decoded.keyframe), Clock::now(), Origin::kFile);
   return {};
@@ -101,7 +115,7 @@ Status Pipeline::start_closing_loops() {
   if (!vocabulary) return vocabulary.error();
   LoopCloserOptions options;
   options.verify = config_.verify;
-  options.window.max_free = static_cast<std::size_t>(config_.local_window);
+  options.window = window_options(config_);
   LoopCloserHooks hooks;
   hooks.solve = solve;
   if (!config_.map_file.empty())
@@ -110,9 +124,9 @@ Status Pipeline::start_closing_loops() {
       return kept ? Status() : kept.error();
     };
   hooks.changed = [this] { tell_everyone(); };
-  closer_ = std::make_unique<LoopCloser>(writer_,
-                                         std::make_shared<const Vocabulary>(std::move(*vocabulary)),
-                                         options, std::move(hooks));
+  const auto words = std::make_shared<const Vocabulary>(std::move(*vocabulary));
+  closer_ = std::make_unique<LoopCloser>(writer_, words, options, std::move(hooks));
+  relocaliser_ = std::make_unique<Relocaliser>(writer_, closer_->index(), words);
   return {};
 }
 
@@ -134,9 +148,16 @@ Status Pipeline::start_receiving() {
   options.map = writer_.snapshot()->id;
   options.forget_after = std::chrono::milliseconds(std::llround(1000 * config_.forget_client_s));
   options.on_event = [this](const ClientEvent& event) { on_client_event(event); };
+  options.on_question = [this](const ClientId& client, KeyframePtr view) {
+    on_question(client, std::move(view));
+  };
   Result<std::unique_ptr<Ingest>> ingest = Ingest::start(options, *file_);
   if (!ingest) return ingest.error();
   ingest_ = std::move(*ingest);
+  if (relocaliser_)
+    relocaliser_->start([this](const auto& client, const auto& answer, double milliseconds) {
+      send_answer(client, answer, milliseconds);
+    });
   if (!config_.http.empty()) {
     const StatusPages pages{[this] { return to_json(state()); },
                             [this] { return to_prometheus(state()); }};
@@ -155,12 +176,6 @@ Status Pipeline::start_receiving() {
   return {};
 }
 
-std::shared_ptr<ClientDesk> Pipeline::make_desk(const ClientId& client) {
-  LocalMappingOptions options;
-  options.window.max_free = static_cast<std::size_t>(config_.local_window);
-  return std::make_shared<ClientDesk>(client, writer_, solve, options);
-}
-
 // On ingest's thread: must not block.
 void Pipeline::on_client_event(const ClientEvent& event) {
   const bool left = event.kind == ClientEvent::Kind::kLeft;
@@ -168,11 +183,34 @@ void Pipeline::on_client_event(const ClientEvent& event) {
   if (!desk) return;
   const bool finishing = event.kind == ClientEvent::Kind::kFinishing;
   // In its turn: behind the keyframes that wait to be mapped.
-  if (finishing) jobs_.push(event.client, Job{{}, Clock::now(), Origin::kFinish});
+  if (finishing) jobs_.push(event.client, Job{Job::Kind::kFinish, {}});
   if (event.kind == ClientEvent::Kind::kJoined) desk->lockstep = event.lockstep;
   if (closer_ && left) closer_->forget(event.client.epoch);
+  if (relocaliser_ && left) relocaliser_->forget(event.client);
   if (!left && !finishing) desk->refresh();
   if (!desk->event_waits.exchange(true)) jobs_.push(event.client, Job{});
+}
+
+// On ingest's thread. The answer will hold in the map as it is now: the client must have heard of
+// all that has moved in it.
+void Pipeline::on_question(const ClientId& client, KeyframePtr view) {
+  if (!relocaliser_ || !desks_.is_there(client)) return;
+  if (!desks_.of(client)->event_waits.exchange(true)) jobs_.push(client, Job{});
+  relocaliser_->ask(client, std::move(view));
+}
+
+void Pipeline::send_answer(const ClientId& client, const RelocaliseAnswer& answer,
+                           double milliseconds) {
+  metrics_.locate_ms.add(milliseconds);
+  metrics_.located += answer.found;
+  if (Status s = ingest_->answer(client, answer); !s)
+    return log::debug("no answer to {}: {}", client.name, s.message());
+  if (answer.found)
+    log::info("{} is at keyframe {} of run {:x}: {} landmarks fit, found in {:.0f} ms", client.name,
+              answer.reference.sequence, answer.reference.epoch, answer.matches.size(),
+              milliseconds);
+  else
+    log::debug("{} is nowhere to be found: {}; {:.0f} ms", client.name, answer.why, milliseconds);
 }
 
 void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_point arrived,
@@ -182,12 +220,14 @@ void Pipeline::insert(const ClientId& client, KeyframePtr keyframe, Clock::time_
   log::debug("keyframe {} of {}: {} matches accepted, {} landmarks made, {} matches rejected",
              id.sequence, client.name, applied.keyframe.accepted, applied.keyframe.created,
              applied.keyframe.rejected);
-  push_keyframe(client, Job{id, arrived, origin});
+  push_keyframe(client, id, arrived, origin);
 }
 
-void Pipeline::push_keyframe(const ClientId& client, const Job& job) {
-  ++desks_.of(client)->awaiting_mapping;
-  jobs_.push(client, job);
+void Pipeline::push_keyframe(const ClientId& client, KeyframeId id, Clock::time_point arrived,
+                             Origin origin) {
+  under_way_.add(id, {client, arrived, origin == Origin::kClient});
+  ++unextended_;
+  jobs_.push(client, Job{Job::Kind::kMap, id});
 }
 
 void Pipeline::insert_keyframes() {
@@ -198,48 +238,83 @@ void Pipeline::insert_keyframes() {
 void Pipeline::map_keyframes() {
   while (const auto taken = jobs_.take()) {
     const ClientId& client = taken->party;
-    const Job& job = taken->item;
     const std::shared_ptr<ClientDesk> desk = desks_.of(client);
-    if (job.keyframe.is_valid())
-      map_keyframe(client, *desk, job);
-    else if (job.origin == Origin::kEvent)
-      desk->event_waits = false;
-    else if (closer_)
-      closer_->finish(client.epoch);
-    if (desks_.is_there(client)) answer(client, *desk, job);
+    carry_out(client, *desk, taken->item);
     if (taken->behind == 0) desks_.release(client);
-    if (job.origin == Origin::kClient) ingest_->done(client);
     jobs_.done(client);
+    adjust_what_waits();
   }
 }
 
-void Pipeline::map_keyframe(const ClientId& client, ClientDesk& desk, const Job& job) {
-  // Of keyframes: what else waits behind this one brings no solve.
-  const int backlog = --desk.awaiting_mapping;
-  const LocalMappingReport report =
-      desk.map_keyframe(job.keyframe, static_cast<std::size_t>(std::max(0, backlog)));
-  if (closer_) closer_->offer(job.keyframe);
-  if (closer_ && desk.lockstep) closer_->wait_idle();
-  metrics_.mapping_ms.add(report.total_ms);
-  ++metrics_.mapped;
-  if (report.solved) metrics_.solving_ms.add(report.solve_ms);
-  log::debug(
-      "mapped keyframe {} of {} in {:.0f} ms (BA {:.0f}): {} made, {} fused, {} added, "
-      "{} landmarks and {} keyframes culled",
-      job.keyframe.sequence, client.name, report.total_ms, report.solve_ms, report.landmarks_made,
-      report.fused, report.observations_added, report.landmarks_culled, report.keyframes_culled);
+void Pipeline::carry_out(const ClientId& client, ClientDesk& desk, const Job& job) {
+  switch (job.kind) {
+    case Job::Kind::kMap:
+      return extend(client, desk, job.keyframe);
+    case Job::Kind::kAnswer:
+      return answer(client, desk, job.keyframe);
+    case Job::Kind::kTell:
+      desk.event_waits = false;
+      (void)tell(client, desk);
+      return;
+    case Job::Kind::kFinish:
+      if (!under_way_.finish_later(client.epoch)) finish(client);
+      (void)tell(client, desk);
+  }
 }
 
-void Pipeline::answer(const ClientId& client, ClientDesk& desk, const Job& job) {
+void Pipeline::extend(const ClientId& client, ClientDesk& desk, KeyframeId id) {
+  --unextended_;
+  const LocalMappingReport report = desk.extend(id);
+  log::debug(
+      "extended keyframe {} of {} in {:.0f} ms: {} made, {} fused, {} added, {} landmarks culled",
+      id.sequence, client.name, report.total_ms, report.landmarks_made, report.fused,
+      report.observations_added, report.landmarks_culled);
+  metrics_.mapping_ms.add(report.total_ms);
+  adjuster_.add(id);
+}
+
+// With no client's desk in hand: a solve serves keyframes of several.
+void Pipeline::adjust_what_waits() {
+  while (true) {
+    const LocalAdjustment done = adjuster_.adjust(unextended_);
+    if (done.keyframes.empty()) return;
+    if (done.solved) metrics_.solving_ms.add(done.solve_ms);
+    log::debug("adjusted around {} keyframes in {:.0f} ms: {} keyframes culled",
+               done.keyframes.size(), done.window_ms + done.solve_ms + done.cull_ms,
+               done.keyframes_culled);
+    for (const KeyframeId id : done.keyframes) on_mapped(id);
+  }
+}
+
+void Pipeline::on_mapped(KeyframeId id) {
+  ++metrics_.mapped;
+  if (closer_) closer_->offer(id);
+  if (const auto client = under_way_.client_of(id))
+    jobs_.push(*client, Job{Job::Kind::kAnswer, id});
+}
+
+void Pipeline::answer(const ClientId& client, ClientDesk& desk, KeyframeId id) {
+  if (closer_ && desk.lockstep) closer_->wait_idle();
+  const auto entry = under_way_.take(id);
+  if (tell(client, desk) && entry) metrics_.answer_ms.add(milliseconds_since(entry->arrived));
+  if (entry && entry->counts) ingest_->done(client);
+  if (under_way_.finished(client.epoch)) finish(client);
+}
+
+void Pipeline::finish(const ClientId& client) {
+  if (closer_) closer_->finish(client.epoch);
+}
+
+// False: the client is not there, or could not be told.
+bool Pipeline::tell(const ClientId& client, ClientDesk& desk) {
+  if (!desks_.is_there(client)) return false;
   // Before the snapshot: what is settled then is in it.
   const bool settled = !closer_ || closer_->settled(client.epoch);
   const Status told = desk.tell(*writer_.snapshot(), settled, [&](const MapUpdate& update) {
     return ingest_->publish(client, update);
   });
-  if (!told)
-    log::debug("no update to {}: {}", client.name, told.message());
-  else if (job.keyframe.is_valid())
-    metrics_.answer_ms.add(milliseconds_since(job.arrived));
+  if (!told) log::debug("no update to {}: {}", client.name, told.message());
+  return told.ok();
 }
 
 void Pipeline::save_now_and_then(std::stop_token stop) {
@@ -267,6 +342,7 @@ Status Pipeline::stop() {
   // A start that failed leaves the file as it was.
   const bool receiving = inserter_.joinable();
   if (ingest_) ingest_->close();
+  if (relocaliser_) relocaliser_->close();
   if (inserter_.joinable()) inserter_.join();
   jobs_.close();
   if (closer_) closer_->stop_adjusting();  // a mapper may wait for it
@@ -286,7 +362,7 @@ ServerState Pipeline::state() const {
   state.keyframes = map->keyframes.size();
   state.landmarks = map->landmarks.size();
   state.keyframes_ever = map->keyframes_ever;
-  state.awaiting_mapping = jobs_.size();
+  state.awaiting_mapping = unextended_ + adjuster_.waiting();
   state.mapped = metrics_.mapped;
   state.desks = desks_.size();
   state.uptime_s = started_.milliseconds() / 1000;
@@ -295,6 +371,8 @@ ServerState Pipeline::state() const {
   state.solving_ms_median = metrics_.solving_ms.quantile(0.5);
   state.answer_ms_median = metrics_.answer_ms.quantile(0.5);
   state.answer_ms_p95 = metrics_.answer_ms.quantile(0.95);
+  state.located = metrics_.located;
+  state.locate_ms_median = metrics_.locate_ms.quantile(0.5);
   if (ingest_) {
     state.ingest = ingest_->stats();
     state.clients = ingest_->clients();

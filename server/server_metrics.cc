@@ -44,6 +44,8 @@ std::string to_json(const ServerState& s) {
                      {"solve_ms_median", s.solving_ms_median},
                      {"answer_ms_median", s.answer_ms_median},
                      {"answer_ms_p95", s.answer_ms_p95}};
+  json["relocalisation"] = {
+      {"asked", s.ingest.questions}, {"found", s.located}, {"ms_median", s.locate_ms_median}};
   json["ingest"] = {
       {"accepted", s.ingest.accepted},   {"duplicates", s.ingest.duplicates},
       {"malformed", s.ingest.malformed}, {"journal_failures", s.ingest.journal_failures},
@@ -77,7 +79,8 @@ std::string to_prometheus(const ServerState& s) {
   gauge("awaiting_mapping", "Keyframes in the map that local mapping has not seen",
         s.awaiting_mapping);
   gauge("clients", "Clients known", s.clients.size());
-  gauge("mapping_ms_median", "Local mapping of one keyframe, median of the recent ones",
+  gauge("mapping_ms_median",
+        "Local mapping of one keyframe without the solve, median of the recent ones",
         s.mapping_ms_median);
   gauge("answer_ms_median", "From a keyframe's arrival to its corrections sent, median",
         s.answer_ms_median);
@@ -87,10 +90,15 @@ std::string to_prometheus(const ServerState& s) {
   counter("keyframes_duplicate_total", "Keyframes that came again", s.ingest.duplicates);
   counter("keyframes_mapped_total", "Keyframes that have been through local mapping", s.mapped);
   counter("keyframes_malformed_total", "Keyframes that failed the checks", s.ingest.malformed);
+  counter("relocalisations_asked_total", "Views of clients that do not know where they are",
+          s.ingest.questions);
+  counter("relocalisations_found_total", "Those that were answered with a place", s.located);
+  gauge("relocalisation_ms_median", "From such a view's arrival to its answer sent, median",
+        s.locate_ms_median);
   counter("journal_failures_total", "Keyframes that could not be journaled",
           s.ingest.journal_failures);
-  counter("received_bytes_total", "Bytes of keyframes received", s.ingest.bytes_in);
-  counter("sent_bytes_total", "Bytes of map updates sent", s.ingest.bytes_out);
+  counter("received_bytes_total", "Bytes of keyframes and questions received", s.ingest.bytes_in);
+  counter("sent_bytes_total", "Bytes of map updates and answers sent", s.ingest.bytes_out);
   return text;
 }
 

@@ -20,9 +20,11 @@ struct ServerState {
   std::uint64_t mapped = 0;  // keyframes since the start
   std::size_t desks = 0;     // client runs that mapping keeps something for
   double uptime_s = 0;
-  double mapping_ms_median = 0, mapping_ms_p95 = 0;  // local mapping of one keyframe
+  double mapping_ms_median = 0, mapping_ms_p95 = 0;  // of one keyframe, without the solve
   double solving_ms_median = 0;                      // the bundle adjustment in it
   double answer_ms_median = 0, answer_ms_p95 = 0;    // keyframe received -> corrections sent
+  std::uint64_t located = 0;    // clients' questions where they are that were answered with a place
+  double locate_ms_median = 0;  // of any answer, the wait for its turn included
   IngestStats ingest;
   std::vector<ClientInfo> clients;
 };
@@ -46,8 +48,9 @@ class RecentValues {
 };
 
 struct ServerMetrics {
-  RecentValues mapping_ms, solving_ms, answer_ms;
-  std::atomic<std::uint64_t> mapped = 0;  // keyframes
+  RecentValues mapping_ms, solving_ms, answer_ms, locate_ms;
+  std::atomic<std::uint64_t> mapped = 0;   // keyframes
+  std::atomic<std::uint64_t> located = 0;  // views of lost clients
 };
 
 }  // namespace cairn

@@ -19,11 +19,14 @@ class ClientDeskTest : public ::testing::Test {
     return map;
   }
   std::shared_ptr<ClientDesk> make(const ClientId& client) {
-    return std::make_shared<ClientDesk>(client, writer_, nullptr, LocalMappingOptions{});
+    return std::make_shared<ClientDesk>(client, writer_);
   }
   void map_keyframe(ClientDesk& desk, std::size_t i) {
     writer_.submit(world_.keyframes[i]);
-    desk.map_keyframe(world_.keyframes[i]->id, 0);
+    desk.extend(world_.keyframes[i]->id);
+    MapDelta mapped = MapDelta::based_on(*writer_.snapshot());
+    mapped.mapped_keyframes = {world_.keyframes[i]->id};
+    writer_.submit(std::move(mapped));
   }
   // What the desk sends; nothing when there is nothing to say. `accepted`: whether it gets through.
   std::optional<MapUpdate> tell(ClientDesk& desk, bool accepted = true) {

@@ -1,0 +1,116 @@
+#include "server/mapping/local_adjuster.h"
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "common/util/clock.h"
+#include "server/mapping/step.h"
+
+namespace cairn {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+LocalWindowOptions half(LocalWindowOptions window) {
+  window.max_free = std::max<std::size_t>(window.max_free / 2, 1);
+  window.max_fixed = std::max<std::size_t>(window.max_fixed / 2, 1);
+  return window;
+}
+
+}  // namespace
+
+LocalAdjuster::LocalAdjuster(MapWriter& writer, LocalSolver solver,
+                             const LocalAdjusterOptions& options)
+    : writer_(writer), solver_(std::move(solver)), options_(options) {}
+
+void LocalAdjuster::add(KeyframeId id) {
+  std::lock_guard lock(mutex_);
+  waiting_.push_back({id, Clock::now()});
+}
+
+std::size_t LocalAdjuster::waiting() const {
+  std::lock_guard lock(mutex_);
+  return waiting_.size();
+}
+
+bool LocalAdjuster::is_free(const std::vector<KeyframeId>& keyframes) const {
+  return std::none_of(keyframes.begin(), keyframes.end(),
+                      [&](KeyframeId id) { return busy_.contains(id); });
+}
+
+// What waits, too, and would be solved for in this window.
+std::vector<KeyframeId> LocalAdjuster::companions(KeyframeId centre,
+                                                  const LocalWindow& window) const {
+  std::vector<KeyframeId> all;
+  for (const Waiting& w : waiting_) {
+    const bool inside =
+        std::binary_search(window.free_keyframes.begin(), window.free_keyframes.end(), w.keyframe);
+    if (w.keyframe == centre || (inside && all.size() < options_.max_together))
+      all.push_back(w.keyframe);
+  }
+  return all;
+}
+
+LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
+  std::lock_guard lock(mutex_);
+  if (waiting_.empty()) return {};
+  const bool enough = more_coming == 0 || waiting_.size() >= options_.max_together ||
+                      Clock::now() - waiting_.front().since >= options_.patience;
+  if (!enough) return {};
+  Claim claim;
+  claim.window = more_coming >= options_.thin_from ? half(options_.window) : options_.window;
+  const Snapshot map = writer_.snapshot();
+  std::set<std::uint64_t> passed_over;  // runs: their keyframes are served in order
+  for (const Waiting& w : waiting_) {
+    if (passed_over.contains(w.keyframe.epoch)) continue;
+    const std::array centre{w.keyframe};
+    LocalWindow window = choose_local_window(*map, centre, claim.window);
+    claim.centres = companions(w.keyframe, window);
+    if (claim.centres.size() > 1) window = choose_local_window(*map, claim.centres, claim.window);
+    if (is_free(window.free_keyframes) && is_free(claim.centres)) {
+      claim.region.insert(window.free_keyframes.begin(), window.free_keyframes.end());
+      break;
+    }
+    claim.centres.clear();
+    passed_over.insert(w.keyframe.epoch);
+  }
+  claim.region.insert(claim.centres.begin(), claim.centres.end());
+  busy_.insert(claim.region.begin(), claim.region.end());
+  std::erase_if(waiting_, [&](const Waiting& w) {
+    return std::find(claim.centres.begin(), claim.centres.end(), w.keyframe) != claim.centres.end();
+  });
+  return claim;
+}
+
+void LocalAdjuster::release(const Claim& claim) {
+  std::lock_guard lock(mutex_);
+  for (const KeyframeId id : claim.region) busy_.erase(id);
+}
+
+LocalAdjustment LocalAdjuster::adjust(std::size_t more_coming, std::stop_token stop) {
+  const Claim claim = this->claim(more_coming);
+  LocalAdjustment report;
+  if (claim.centres.empty()) return report;
+  Stopwatch watch;
+  take_step(writer_, [&](const Map& map) {
+    const LocalWindow window = choose_local_window(map, claim.centres, claim.window);
+    report.window_ms += lap(watch);
+    report.solved = solver_ && !window.free_keyframes.empty();
+    MapDelta delta = report.solved ? solver_(map, window, stop) : MapDelta::based_on(map);
+    // With the result, so that a saved map never has the one without the other.
+    delta.mapped_keyframes = claim.centres;
+    return delta;
+  });
+  report.solve_ms = lap(watch);
+  for (const KeyframeId id : claim.centres)
+    report.keyframes_culled += take_step(writer_, [&](const Map& map) {
+                                 return cull_keyframes(map, id, options_.cull);
+                               }).keyframes_removed;
+  report.cull_ms = lap(watch);
+  release(claim);
+  report.keyframes = claim.centres;
+  return report;
+}
+
+}  // namespace cairn

@@ -1,0 +1,91 @@
+// Local bundle adjustment for all clients together: which keyframes wait for it, which of them one
+// solve serves, and that no two threads solve for the same keyframe at a time.
+//
+// A keyframe comes here once the other steps of local mapping are done (local_mapping.h). Whoever
+// has brought one asks for work until there is none; a keyframe whose neighbourhood another thread
+// is solving waits for that thread, which finds it when it asks again. So keyframes that come
+// close together, from one client or from several that are at the same place, share a solve, and
+// clients at different places don't wait for each other.
+//
+// While more keyframes come than can be solved for, the solver waits for company (`patience`) and
+// works on smaller windows; no keyframe is left out.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <set>
+#include <stop_token>
+#include <vector>
+
+#include "server/map/map_writer.h"
+#include "server/map/window.h"
+#include "server/mapping/cull.h"
+#include "server/mapping/local_window.h"
+
+namespace cairn {
+
+// Solves for the free keyframes and the landmarks of the window; based on the given map. Returns
+// early, with what it has, when asked to stop.
+using LocalSolver =
+    std::function<MapDelta(const Map& map, const LocalWindow& window, std::stop_token stop)>;
+
+struct LocalAdjusterOptions {
+  LocalWindowOptions window = {};
+  CullOptions cull = {};
+  std::size_t max_together = 6;             // keyframes that one solve serves
+  std::chrono::milliseconds patience{100};  // for company, while more keyframes come
+  // From so many on that wait for the steps before, windows are half as large.
+  std::size_t thin_from = 4;
+};
+
+// What one solve has done; no keyframes: there was nothing to do.
+struct LocalAdjustment {
+  std::vector<KeyframeId> keyframes;  // count as mapped from here on, in order of their arrival
+  bool solved = false;                // false: nothing in the map to solve for
+  double window_ms = 0, solve_ms = 0, cull_ms = 0;  // waiting for the writer included
+  int keyframes_culled = 0;
+};
+
+// All members are safe from any thread.
+class LocalAdjuster {
+ public:
+  // `writer` must outlive this. Without a solver keyframes only count as mapped.
+  LocalAdjuster(MapWriter& writer, LocalSolver solver, const LocalAdjusterOptions& options = {});
+
+  // The keyframe waits for its adjustment from here on.
+  void add(KeyframeId id);
+
+  // Adjusts around the keyframe that has waited longest, of those that can be served now, then
+  // takes out what has become redundant there. `more_coming`: keyframes that are still to be
+  // added; with none there is no waiting for company.
+  LocalAdjustment adjust(std::size_t more_coming, std::stop_token stop = {});
+
+  std::size_t waiting() const;
+
+ private:
+  struct Waiting {
+    KeyframeId keyframe;
+    std::chrono::steady_clock::time_point since;
+  };
+  struct Claim {
+    std::vector<KeyframeId> centres;
+    std::set<KeyframeId> region;  // nobody else solves for these meanwhile
+    LocalWindowOptions window;
+  };
+  Claim claim(std::size_t more_coming);
+  std::vector<KeyframeId> companions(KeyframeId centre, const LocalWindow& window) const;
+  bool is_free(const std::vector<KeyframeId>& keyframes) const;
+  void release(const Claim& claim);
+
+  MapWriter& writer_;
+  const LocalSolver solver_;
+  const LocalAdjusterOptions options_;
+  mutable std::mutex mutex_;
+  std::deque<Waiting> waiting_;  // in order of arrival
+  std::set<KeyframeId> busy_;    // being solved for
+};
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+#include "server/mapping/local_window.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "tests/unit/server/synthetic_map.h"
+
+namespace cairn {
+namespace {
+
+using testing::Contains;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::Not;
+
+KeyframeId kf(std::uint32_t sequence) {
+  return {7, sequence};
+}
+
+TEST(LocalWindow, HoldsTheCentreItsFriendsAndWitnesses) {
+  const SyntheticMap world({.keyframes = 12, .step = 0.3});
+  const Map map = built(world);
+  const std::vector<KeyframeId> centres{kf(11)};
+  const LocalWindow window = choose_local_window(map, centres, {.max_free = 4, .max_fixed = 3});
+  EXPECT_EQ(window.free_keyframes.size(), 4u);
+  EXPECT_THAT(window.free_keyframes, Contains(kf(11)));
+  EXPECT_EQ(window.fixed_keyframes.size(), 3u);
+  EXPECT_TRUE(std::is_sorted(window.free_keyframes.begin(), window.free_keyframes.end()));
+  EXPECT_TRUE(std::is_sorted(window.landmarks.begin(), window.landmarks.end()));
+  for (const KeyframeId id : window.fixed_keyframes)
+    EXPECT_THAT(window.free_keyframes, Not(Contains(id)));
+  for (const KeyframeId id : window.free_keyframes)
+    for (const LandmarkId l : map.keyframes.at(id).landmarks)
+      if (l.is_valid()) {
+        EXPECT_TRUE(std::binary_search(window.landmarks.begin(), window.landmarks.end(), l));
+      }
+}
+
+TEST(LocalWindow, SomethingAlwaysHoldsTheFrame) {
+  const SyntheticMap world({.keyframes = 4});
+  const Map map = built(world);
+  const std::vector<KeyframeId> centres{kf(3), kf(77)};
+  const LocalWindow all = choose_local_window(map, centres);
+  EXPECT_THAT(all.fixed_keyframes, ElementsAre(kf(0)));  // the root
+  EXPECT_THAT(all.free_keyframes, ElementsAre(kf(1), kf(2), kf(3)));
+  const std::vector<KeyframeId> root{kf(0)};
+  EXPECT_THAT(choose_local_window(built(SyntheticMap({.keyframes = 1})), root).free_keyframes,
+              IsEmpty());
+}
+
+TEST(LocalWindow, CoalescedKeyframesAreAllCentres) {
+  const SyntheticMap world({.keyframes = 12, .step = 0.4});
+  const Map map = built(world);
+  const std::vector<KeyframeId> centres{kf(4), kf(11)};
+  const LocalWindow window = choose_local_window(map, centres, {.max_free = 2});
+  EXPECT_THAT(window.free_keyframes, ElementsAre(kf(4), kf(11)));
+}
+
+}  // namespace
+}  // namespace cairn
