@@ -101,15 +101,22 @@ void change_poses(Map& map, MapEditor& editor, const MapDelta& delta, DeltaSumma
   carry_landmarks(map, editor, delta.base_revision, moves, s);
 }
 
-}  // namespace
+// The part that moves hangs on the other one from now on: it is held by it like any other keyframe,
+// and no longer by a root of its own.
+void join_parts(MapEditor& editor, const LoopClosure& closure) {
+  const LoopEdge& edge = closure.edge;
+  const auto& poses = closure.correction.poses;
+  const bool query_moves = std::any_of(poses.begin(), poses.end(), [&](const auto& change) {
+    return change.keyframe == edge.query;
+  });
+  if (query_moves)
+    editor.graft_tree(edge.query, edge.candidate);
+  else
+    editor.graft_tree(edge.candidate, edge.query);
+}
 
-DeltaSummary apply_delta(Map& map, const MapDelta& delta) {
+DeltaSummary apply(Map& map, MapEditor& editor, const MapDelta& delta) {
   DeltaSummary s;
-  if (delta.base_merge_epoch != map.merge_epoch) {
-    s.is_void = true;
-    return s;
-  }
-  MapEditor editor(map);
   change_observations(map, editor, delta, s);
   change_poses(map, editor, delta, s);
   for (const auto& [landmark, position] : delta.positions)
@@ -126,13 +133,25 @@ DeltaSummary apply_delta(Map& map, const MapDelta& delta) {
   return s;
 }
 
+}  // namespace
+
+DeltaSummary apply_delta(Map& map, const MapDelta& delta) {
+  DeltaSummary s;
+  s.is_void = delta.base_merge_epoch != map.merge_epoch;
+  if (s.is_void) return s;
+  MapEditor editor(map);
+  return apply(map, editor, delta);
+}
+
 DeltaSummary apply_loop(Map& map, const LoopClosure& closure) {
   const LoopEdge& edge = closure.edge;
   DeltaSummary s;
-  s.is_void = !map.keyframes.contains(edge.query) || !map.keyframes.contains(edge.candidate);
+  s.is_void = !map.keyframes.contains(edge.query) || !map.keyframes.contains(edge.candidate) ||
+              closure.correction.base_merge_epoch != map.merge_epoch;
   if (s.is_void) return s;
-  s = apply_delta(map, closure.correction);
-  if (s.is_void) return s;
+  MapEditor editor(map);
+  s = apply(map, editor, closure.correction);
+  if (edge.merges) join_parts(editor, closure);
   map.loops.push_back(edge);
   ++map.merge_epoch;
   return s;

@@ -51,6 +51,16 @@ void MapEditor::join_tree(KeyframeId id, KeyframeId fallback) {
     set_parent(id, fallback);
 }
 
+void MapEditor::graft_tree(KeyframeId id, KeyframeId parent) {
+  if (root_of(id) == root_of(parent)) return;
+  while (id.is_valid()) {
+    const KeyframeId former = map_.keyframes.at(id).parent;
+    set_parent(id, parent);
+    parent = id;
+    id = former;
+  }
+}
+
 bool MapEditor::remove_keyframe(KeyframeId id) {
   const KeyframeNode* node = map_.keyframes.find(id);
   if (!node || !node->parent.is_valid()) return false;
@@ -228,6 +238,11 @@ bool MapEditor::descends_from(KeyframeId id, KeyframeId ancestor) const {
   for (; id.is_valid(); id = map_.keyframes.at(id).parent)
     if (id == ancestor) return true;
   return false;
+}
+
+KeyframeId MapEditor::root_of(KeyframeId id) const {
+  while (map_.keyframes.at(id).parent.is_valid()) id = map_.keyframes.at(id).parent;
+  return id;
 }
 
 }  // namespace cairn

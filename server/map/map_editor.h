@@ -25,6 +25,9 @@ class MapEditor {
   // Its parent becomes the most covisible keyframe; else `fallback`, where that is in the map; else
   // it is a root. Call once the observations are in.
   void join_tree(KeyframeId id, KeyframeId fallback);
+  // The tree that `id` is in becomes a branch of that of `parent`: `id` hangs on `parent`, and the
+  // former root, step by step, on `id`. Both are in the map. Nothing happens within one tree.
+  void graft_tree(KeyframeId id, KeyframeId parent);
   // False for roots and unknown ones. See apply.h.
   bool remove_keyframe(KeyframeId id);
 
@@ -57,6 +60,7 @@ class MapEditor {
   void set_parent(KeyframeId child, KeyframeId parent);
   KeyframeId new_parent(const KeyframeNode& child, KeyframeId removed) const;
   bool descends_from(KeyframeId id, KeyframeId ancestor) const;
+  KeyframeId root_of(KeyframeId id) const;
 
   Map& map_;
   // Ordered, so that the same event does the same in the same order on every run.

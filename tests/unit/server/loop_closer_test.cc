@@ -73,6 +73,23 @@ TEST(LoopCloser, MergesThePartsOfClientsThatSeeTheSamePlace) {
   EXPECT_LT((first_from_second.translation - Eigen::Vector3d(0.3, 0, 0)).norm(), 0.02);
 }
 
+TEST(LoopCloser, AClientThatHasLeftAPartDoesNotMoveWithIt) {
+  const SyntheticMap first({.keyframes = 8, .epoch = kFirst});
+  // The second client's newest keyframe will be elsewhere: in the part that stays.
+  const SyntheticMap second({.keyframes = 9, .epoch = kSecond, .start = 0.3});
+  Closing run;
+  run.add(first);
+  auto elsewhere = std::make_shared<Keyframe>(*first.keyframes.back());
+  elsewhere->id = {kSecond, 20};
+  elsewhere->reference = first.keyframes.back()->id;
+  run.writer.submit(KeyframePtr(elsewhere));
+  run.add(second);
+  run.closer->close();
+  const Snapshot map = run.writer.snapshot();
+  ASSERT_EQ(run.closer->counters().merges, 1u);
+  EXPECT_THAT(map->loops[0].moved, IsEmpty());
+}
+
 TEST(LoopCloser, LeavesClientsApartThatSeeDifferentPlaces) {
   const SyntheticMap first({.keyframes = 8, .seed = 1, .epoch = kFirst});
   const SyntheticMap second({.keyframes = 8, .seed = 2, .epoch = kSecond});

@@ -85,6 +85,34 @@ TEST(ApplyLoop, ConnectsEvenWhatSharesNoLandmark) {
   EXPECT_THAT(connected_keyframes(parts.map, kf(0, 7)), SizeIs(8));
 }
 
+std::vector<KeyframeId> roots(const Map& map) {
+  std::vector<KeyframeId> found;
+  for (const KeyframeId id : map.keyframes.sorted_keys())
+    if (!map.keyframes.at(id).parent.is_valid()) found.push_back(id);
+  return found;
+}
+
+TEST(ApplyLoop, ThePartThatMovedHangsOnTheOther) {
+  TwoParts parts;
+  EXPECT_THAT(roots(parts.map), ElementsAre(kf(0, 7), kf(0, 8)));
+  apply_loop(parts.map, parts.closure(kMove, 20));
+  EXPECT_THAT(roots(parts.map), ElementsAre(kf(0, 7)));
+  EXPECT_EQ(parts.map.keyframes.at(kf(2, 8)).parent, kf(2, 7)) << "where they met";
+  EXPECT_TRUE(parts.map.keyframes.at(kf(0, 8)).parent.is_valid()) << "the former root";
+  EXPECT_THAT(check_invariants(parts.map), IsEmpty());
+}
+
+TEST(ApplyLoop, ALoopLeavesTheTreeAsItIs) {
+  TwoParts parts;
+  apply_loop(parts.map, parts.closure(kMove, 20));
+  LoopClosure loop = parts.closure(kMove, 0);
+  loop.edge.merges = true;  // and still there is nothing to graft within one tree
+  const KeyframeId parent = parts.map.keyframes.at(kf(3, 8)).parent;
+  EXPECT_FALSE(apply_loop(parts.map, loop).is_void);
+  EXPECT_EQ(parts.map.keyframes.at(kf(3, 8)).parent, parent);
+  EXPECT_THAT(check_invariants(parts.map), IsEmpty());
+}
+
 TEST(ApplyLoop, WhatArrivedSinceMovesAlong) {
   const SyntheticMap world({.keyframes = 6});
   Map map = built(world, 5);
