@@ -149,7 +149,8 @@ TEST(Delivery, TheOutboxOfAKilledClientIsDeliveredByTheNext) {
   Deployment deployment;
   const std::string map = deployment.file("map.db").string();
   const auto killed = deployment.client("walker", "synth:desk?frames=300", {"--no-server"});
-  ASSERT_TRUE(killed->runs_for(seconds(3))) << killed->err();
+  ASSERT_TRUE(killed->wait_for_log(" tracked, ", seconds(30))) << killed->err();
+  ASSERT_TRUE(killed->runs_for(seconds(1))) << killed->err();  // its keyframe goes into the outbox
   killed->signal(SIGKILL);
   ASSERT_EQ(killed->wait(seconds(10)), 128 + SIGKILL);
   const auto server = deployment.server({"--map", map});
