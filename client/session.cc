@@ -96,11 +96,6 @@ Status Session::open() {
   Result<std::unique_ptr<FrameSource>> source = open_source(options_.input, options_.config.camera);
   if (!source) return source.error();
   source_ = std::move(*source);
-  if (source_->camera().sensor == Sensor::kMono)
-    return {ErrorCode::kInvalidArgument,
-            fmt::format("{}: a single camera without depth can't start a map yet; use an rgbd or "
-                        "stereo sensor",
-                        options_.input)};
   frontend_ = std::make_unique<Frontend>(source_->camera(), options_.config.frontend);
 
   const ClientId client{options_.name, random_epoch()};
@@ -161,9 +156,10 @@ Status Session::process(const Frame& frame) {
   ObservedFrame observed = frontend_->process(frame);
   report_.extraction_ms.push_back(watch.milliseconds());
   const TrackingResult result = tracker_->track(observed.stamp_ns, std::move(observed.features));
-  if (result.keyframe) {
-    sent_[result.keyframe->id.sequence] = Clock::now();
-    link_->send(result.keyframe);
+  for (const KeyframePtr& keyframe : {result.first_keyframe, result.keyframe}) {
+    if (!keyframe) continue;
+    sent_[keyframe->id.sequence] = Clock::now();
+    link_->send(keyframe);
   }
   report_.tracking_ms.push_back(watch.milliseconds());
   ++report_.frames;

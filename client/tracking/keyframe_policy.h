@@ -17,6 +17,8 @@ struct KeyframePolicyOptions {
   // Of the landmarks that the reference keyframe shows, fewer than this share still in view calls
   // for a keyframe. Higher makes more keyframes.
   double min_shared = 0.33;
+  // The same without depth, where every landmark takes two keyframes that see it from apart.
+  double min_shared_mono = 0.8;
   // Below this share tracking is weak: a keyframe even when the mapper is busy.
   double weak_shared = 0.15;
   // Near points, whose depth gives scale and translation: fewer than `min_near_tracked` in view

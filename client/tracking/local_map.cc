@@ -7,23 +7,33 @@
 namespace cairn {
 namespace {
 
-// A provisional landmark from one feature with depth.
-LocalLandmark landmark_from_feature(const Keyframe& keyframe, std::uint16_t feature,
-                                    const Rigid3& map_from_camera) {
-  const Rig& rig = *keyframe.rig;
-  const Feature& f = keyframe.features.points[feature];
-  const Eigen::Vector3d in_camera = rig.camera.unproject(f.pixel(), rig.camera.depth(f.disparity));
+// A provisional landmark at `position` (in map), as a feature of a keyframe shows it.
+LocalLandmark provisional_landmark(const Keyframe& keyframe, std::uint16_t feature, LandmarkId id,
+                                   const Eigen::Vector3d& position, const Rigid3& map_from_camera) {
+  const ScalePyramid& pyramid = keyframe.rig->pyramid;
+  const Eigen::Vector3d to_camera = map_from_camera.origin() - position;
   LocalLandmark landmark;
-  landmark.id = LandmarkId::from_feature(keyframe.id, feature);
-  landmark.position = map_from_camera * in_camera;
-  landmark.normal = (map_from_camera.origin() - landmark.position).normalized();
+  landmark.id = id;
+  landmark.position = position;
+  landmark.normal = to_camera.normalized();
   // Seen at octave o from this distance, it shows at octave 0 from scale(o) times as far.
-  landmark.max_distance = static_cast<float>(in_camera.norm() * rig.pyramid.scale(f.octave));
+  landmark.max_distance = static_cast<float>(
+      to_camera.norm() * pyramid.scale(keyframe.features.points[feature].octave));
   landmark.min_distance =
-      landmark.max_distance / static_cast<float>(rig.pyramid.scale(rig.pyramid.levels - 1));
+      landmark.max_distance / static_cast<float>(pyramid.scale(pyramid.levels - 1));
   landmark.descriptor = keyframe.features.descriptors[feature];
   landmark.anchor = keyframe.id;
   return landmark;
+}
+
+// From one feature with depth.
+LocalLandmark landmark_from_feature(const Keyframe& keyframe, std::uint16_t feature,
+                                    const Rigid3& map_from_camera) {
+  const PinholeCamera& camera = keyframe.rig->camera;
+  const Feature& f = keyframe.features.points[feature];
+  return provisional_landmark(
+      keyframe, feature, LandmarkId::from_feature(keyframe.id, feature),
+      map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity)), map_from_camera);
 }
 
 }  // namespace
@@ -156,6 +166,14 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
   if (keyframes_.size() > limits_.keyframes_with_features)
     keyframes_[keyframes_.size() - 1 - limits_.keyframes_with_features].keyframe.reset();
   enforce_limits();
+}
+
+void LocalMap::add_landmark(const Keyframe& keyframe, const ProvisionalLandmark& made) {
+  if (slot_of(made.id)) return;
+  const Slot slot = insert(provisional_landmark(keyframe, made.feature, made.id, made.position,
+                                                keyframes_.back().map_from_camera));
+  observe(slot, made.id.creator());
+  observe(slot, keyframe.id);
 }
 
 void LocalMap::apply(const MapUpdate& update) {
@@ -356,8 +374,24 @@ std::vector<KeyframePtr> LocalMap::recent_keyframes() const {
   return recent;
 }
 
+std::vector<KeyframePtr> LocalMap::keyframes_sharing(std::span<const LandmarkId> seen,
+                                                     std::size_t count) const {
+  std::vector<KeyframePtr> sharing;
+  for (const auto& [id, shared] : votes(seen)) {
+    const OwnKeyframe* k = own(id);
+    if (k && k->keyframe && sharing.size() < count) sharing.push_back(k->keyframe);
+  }
+  return sharing;
+}
+
 std::vector<LandmarkId> LocalMap::landmarks_by_feature(const Keyframe& keyframe) const {
   std::vector<LandmarkId> ids(keyframe.features.size());
+  // A later keyframe may have made a landmark of one of this one's features.
+  if (keyframe.rig->sensor == Sensor::kMono)
+    for (std::size_t f = 0; f < ids.size(); ++f)
+      if (const LocalLandmark* landmark =
+              find(LandmarkId::from_feature(keyframe.id, static_cast<std::uint16_t>(f))))
+        ids[f] = landmark->id;
   for (const LandmarkMatch& match : keyframe.matches)
     if (const LocalLandmark* landmark = find(match.landmark)) ids[match.feature] = landmark->id;
   return ids;

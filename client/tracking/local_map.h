@@ -1,7 +1,7 @@
 // The client's own copy of the part of the map that it needs: the landmarks around it, and the
 // poses of the keyframes it has made. Filled from two sides: landmarks that the client makes from
-// depth are here at once ("provisional"), so that tracking never waits for the server; what the
-// server sends corrects and replaces them.
+// depth or from two views are here at once ("provisional"), so that tracking never waits for the
+// server; what the server sends corrects and replaces them.
 //
 // Everything is in the `map` frame, which is the frame of the first keyframe until the server says
 // otherwise. A server that has lost its map, or another one, has another map: see change_map().
@@ -19,6 +19,14 @@
 #include "common/model/map_update.h"
 
 namespace cairn {
+
+// A landmark that feature `feature` of a new keyframe and one of an earlier keyframe, which it is
+// named after, were found to show.
+struct ProvisionalLandmark {
+  std::uint16_t feature = 0;
+  LandmarkId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
+};
 
 struct LocalLandmark {
   LandmarkId id;
@@ -74,6 +82,9 @@ class LocalMap {
   // name the keyframe itself become provisional landmarks from depth.
   void add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera);
 
+  // Takes in a landmark that the keyframe, the one added last, has made with an earlier one.
+  void add_landmark(const Keyframe& keyframe, const ProvisionalLandmark& made);
+
   // Takes in what the server knows. Keyframes that it has not placed yet follow the one they were
   // tracked against, provisional landmarks the keyframe that made them.
   void apply(const MapUpdate& update);
@@ -95,6 +106,9 @@ class LocalMap {
   std::optional<Rigid3> pose_of(KeyframeId keyframe) const;
   // Latest keyframes, newest first, whose features are still held.
   std::vector<KeyframePtr> recent_keyframes() const;
+  // Those of them that share sight of any of `seen`, most shared first, at most `count`.
+  std::vector<KeyframePtr> keyframes_sharing(std::span<const LandmarkId> seen,
+                                             std::size_t count) const;
   // The landmark that each feature of a held keyframe shows; not valid where none.
   std::vector<LandmarkId> landmarks_by_feature(const Keyframe& keyframe) const;
 

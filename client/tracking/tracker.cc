@@ -27,7 +27,10 @@ void clear_matches(TrackedFrame& frame) {
 }  // namespace
 
 Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOptions options)
-    : epoch_(epoch), rig_(std::move(rig)), options_(options) {}
+    : epoch_(epoch),
+      rig_(std::move(rig)),
+      options_(options),
+      mono_start_(rig_, options.mono_start) {}
 
 TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
   auto frame = std::make_unique<TrackedFrame>(stamp_ns, rig_, std::move(features));
@@ -35,8 +38,7 @@ TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
   ++frames_since_keyframe_;
 
   if (state_ == TrackingState::kStarting) {
-    if (!start(*frame)) return result;
-    result.keyframe = make_keyframe(*frame);
+    if (!start(*frame, result)) return result;
   } else {
     int landmarks = 0;
     if (state_ == TrackingState::kTracking) {
@@ -84,10 +86,40 @@ TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
 }
 
 // The first frame's camera is the origin of the map.
-bool Tracker::start(TrackedFrame& frame) {
+bool Tracker::start(TrackedFrame& frame, TrackingResult& result) {
+  if (rig_->sensor == Sensor::kMono) return start_mono(frame, result);
   if (features_with_depth(frame) < options_.min_start_features) return false;
   frame.map_from_camera = Rigid3();
   state_ = TrackingState::kTracking;
+  result.keyframe = make_keyframe(frame);
+  return true;
+}
+
+// Without depth it takes two frames that see enough from different places; both become keyframes,
+// the earlier one the origin. The frames in between get their poses afterwards.
+bool Tracker::start_mono(TrackedFrame& frame, TrackingResult& result) {
+  std::optional<StartMap> started = mono_start_.add(frame.stamp_ns, frame.features, frame.grid);
+  if (!started) return false;
+  TrackedFrame first(started->reference_stamp_ns, rig_, std::move(started->reference));
+  result.first_keyframe = make_keyframe(first, {});
+  record(first);
+  const KeyframeId origin = reference_;
+  Rigid3 previous;
+  for (std::size_t i = 0; i + 1 < started->poses.size(); ++i) {
+    previous = started->poses[i].reference_from_camera;
+    trajectory_.add(started->poses[i].stamp_ns, origin, previous);
+  }
+  frame.map_from_camera = started->poses.back().reference_from_camera;
+  std::vector<ProvisionalLandmark> landmarks;
+  for (const StartMap::Point& p : started->points)
+    landmarks.push_back({p.feature, LandmarkId::from_feature(origin, p.reference), p.position});
+  result.keyframe = make_keyframe(frame, landmarks);
+  result.landmarks = static_cast<int>(landmarks.size());
+  last_from_current_ = previous.inverse() * frame.map_from_camera;
+  has_motion_ = true;
+  state_ = TrackingState::kTracking;
+  log::info("map started at {:.3f} s by {} landmarks seen from {} frames",
+            to_seconds(frame.stamp_ns), landmarks.size(), started->poses.size() + 1);
   return true;
 }
 
@@ -154,7 +186,9 @@ bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
     if (!feature.has_depth() || rig_->camera.depth(feature.disparity) > rig_->max_depth) continue;
     ++(frame.matches[f].shows_landmark() ? now.near_tracked : now.near_new);
   }
-  return cairn::wants_keyframe(options_.keyframes, now);
+  KeyframePolicyOptions policy = options_.keyframes;
+  if (rig_->sensor == Sensor::kMono) policy.min_shared = policy.min_shared_mono;
+  return cairn::wants_keyframe(policy, now);
 }
 
 // Nearest first: their depth is best.
@@ -177,7 +211,18 @@ void Tracker::make_landmarks(KeyframeId keyframe, TrackedFrame& frame) const {
   }
 }
 
+// Of features that show nothing yet, with those of the keyframes around.
+std::vector<ProvisionalLandmark> Tracker::triangulate(TrackedFrame& frame) const {
+  if (rig_->sensor != Sensor::kMono) return {};
+  return triangulate_provisional(map_, frame, options_.provisional);
+}
+
 KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
+  return make_keyframe(frame, triangulate(frame));
+}
+
+KeyframePtr Tracker::make_keyframe(TrackedFrame& frame,
+                                   std::span<const ProvisionalLandmark> triangulated) {
   auto keyframe = std::make_shared<Keyframe>();
   keyframe->id = {epoch_, next_sequence_++};
   keyframe->stamp_ns = frame.stamp_ns;
@@ -189,12 +234,15 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame) {
     keyframe->reference_from_camera = map_from_reference->inverse() * frame.map_from_camera;
 
   make_landmarks(keyframe->id, frame);
+  for (const ProvisionalLandmark& p : triangulated)
+    frame.matches[p.feature] = {true, p.id, p.position};
   for (std::size_t f = 0; f < frame.features.size(); ++f)
     if (frame.matches[f].shows_landmark())
       keyframe->matches.push_back({static_cast<std::uint16_t>(f), frame.matches[f].landmark});
 
   keyframe->features = frame.features;
   map_.add_keyframe(keyframe, frame.map_from_camera);
+  for (const ProvisionalLandmark& p : triangulated) map_.add_landmark(*keyframe, p);
   reference_ = keyframe->id;
   frames_since_keyframe_ = 0;
   return keyframe;

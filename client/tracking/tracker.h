@@ -8,9 +8,13 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "client/tracking/keyframe_policy.h"
 #include "client/tracking/local_map.h"
+#include "client/tracking/mono_start.h"
+#include "client/tracking/provisional.h"
 #include "client/tracking/tracked_frame.h"
 #include "client/tracking/trajectory.h"
 
@@ -33,6 +37,9 @@ struct TrackerOptions {
   double local_map_radius = 1.2;  // factor on the search radius around a landmark's projection
   std::size_t local_keyframes = 60;
   KeyframePolicyOptions keyframes;
+  // Without depth: how a map starts, and how later landmarks are made.
+  MonoStartOptions mono_start;
+  ProvisionalOptions provisional;
 };
 
 enum class TrackingState { kStarting, kTracking, kLost };
@@ -43,6 +50,8 @@ struct TrackingResult {
   Rigid3 odom_from_camera;  // the same, without the jumps of corrections
   int landmarks = 0;        // that fit the pose
   KeyframePtr keyframe;     // the one made of this frame, or null
+  // Where a monocular map starts: the earlier frame that it starts from, to be sent before.
+  KeyframePtr first_keyframe;
 };
 
 class Tracker {
@@ -74,7 +83,8 @@ class Tracker {
   const LocalMap& map() const { return map_; }
 
  private:
-  bool start(TrackedFrame& frame);
+  bool start(TrackedFrame& frame, TrackingResult& result);
+  bool start_mono(TrackedFrame& frame, TrackingResult& result);
   int follow_motion(TrackedFrame& frame);
   int follow_keyframe(TrackedFrame& frame);
   bool find_again(TrackedFrame& frame);
@@ -82,7 +92,9 @@ class Tracker {
   void choose_reference(const TrackedFrame& frame);
   bool wants_keyframe(const TrackedFrame& frame, int landmarks) const;
   void make_landmarks(KeyframeId keyframe, TrackedFrame& frame) const;
+  std::vector<ProvisionalLandmark> triangulate(TrackedFrame& frame) const;
   KeyframePtr make_keyframe(TrackedFrame& frame);
+  KeyframePtr make_keyframe(TrackedFrame& frame, std::span<const ProvisionalLandmark> triangulated);
   void record(const TrackedFrame& frame);
   void change_map();
 
@@ -91,6 +103,7 @@ class Tracker {
   const TrackerOptions options_;
 
   TrackingState state_ = TrackingState::kStarting;
+  MonoStart mono_start_;
   LocalMap map_;
   FrameTrajectory trajectory_;
   std::unique_ptr<TrackedFrame> last_;  // the last tracked frame

@@ -1,11 +1,13 @@
-#include "server/mapping/epipolar_match.h"
+#include "common/feature/epipolar_match.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "common/feature/hamming.h"
+#include "common/model/measurement_noise.h"
 
 namespace cairn {
 namespace {
@@ -27,8 +29,8 @@ struct Match {
 
 // The matrix that takes (x, y, 1) in pixels of a to the epipolar line in pixels of b, normals not
 // normalised.
-Eigen::Matrix3d fundamental_matrix(const KeyframeView& a, const KeyframeView& b) {
-  const Rigid3 b_from_a = b.camera_from_map * a.node->map_from_camera;
+Eigen::Matrix3d fundamental_matrix(const View& a, const View& b) {
+  const Rigid3 b_from_a = b.camera_from_map * a.camera_from_map.inverse();
   const Eigen::Matrix3d essential =
       skew(b_from_a.translation) * b_from_a.rotation.toRotationMatrix();
   const auto rays_from_pixels = [](const PinholeCamera& c) {
@@ -36,7 +38,7 @@ Eigen::Matrix3d fundamental_matrix(const KeyframeView& a, const KeyframeView& b)
     m << 1 / c.fx, 0, -c.cx / c.fx, 0, 1 / c.fy, -c.cy / c.fy, 0, 0, 1;
     return m;
   };
-  return rays_from_pixels(b.camera()).transpose() * essential * rays_from_pixels(a.camera());
+  return rays_from_pixels(b.rig->camera).transpose() * essential * rays_from_pixels(a.rig->camera);
 }
 
 // The two least distances to descriptors of features on the line; the index of the least.
@@ -77,7 +79,7 @@ void keep_distinct(std::vector<Match>& matches) {
 }
 
 // Right matches turn by the same angle, wrong ones by any. Keeps those near the commonest turn.
-void keep_common_turn(const KeyframeView& a, const KeyframeView& b, std::vector<Match>& matches) {
+void keep_common_turn(const View& a, const View& b, std::vector<Match>& matches) {
   constexpr int kBins = 24;
   const auto bin = [&](const Match& m) {
     double turn = double{a.feature(m.pair.first).angle} - b.feature(m.pair.second).angle;
@@ -99,18 +101,44 @@ void keep_common_turn(const KeyframeView& a, const KeyframeView& b, std::vector<
   });
 }
 
+// A feature's scale times its distance is the same in every view.
+bool scales_agree(const View& a, const View& b, const FeaturePair& pair,
+                  const Eigen::Vector3d& point, double tolerance) {
+  const double reach_a =
+      (a.camera_from_map * point).norm() * a.rig->pyramid.scale(a.feature(pair.first).octave);
+  const double reach_b =
+      (b.camera_from_map * point).norm() * b.rig->pyramid.scale(b.feature(pair.second).octave);
+  return reach_a < tolerance * reach_b && reach_b < tolerance * reach_a;
+}
+
+bool reprojects(const View& view, const Feature& feature, const Eigen::Vector3d& point) {
+  return reprojection_chi2(view, feature, point) <=
+         (feature.has_depth() ? kChi2ThreeDof : kChi2TwoDof);
+}
+
+std::optional<Eigen::Vector3d> point_of(const View& a, const View& b, const FeaturePair& pair,
+                                        const PairOptions& options) {
+  const Feature &in_a = a.feature(pair.first), &in_b = b.feature(pair.second);
+  const auto point = triangulate_two_views(a, in_a, b, in_b);
+  if (!point || point->relative_sigma > options.max_relative_sigma) return std::nullopt;
+  if (!reprojects(a, in_a, point->position) || !reprojects(b, in_b, point->position) ||
+      !scales_agree(a, b, pair, point->position, options.scale_tolerance))
+    return std::nullopt;
+  return point->position;
+}
+
 }  // namespace
 
-std::vector<FeaturePair> match_on_epipolar_lines(const KeyframeView& a,
+std::vector<FeaturePair> match_on_epipolar_lines(const View& a,
                                                  const std::vector<std::uint16_t>& free_a,
-                                                 const KeyframeView& b,
+                                                 const View& b,
                                                  const std::vector<std::uint16_t>& free_b,
-                                                 const TriangulateOptions& options) {
+                                                 const PairOptions& options) {
   std::vector<Target> targets;
   targets.reserve(free_b.size());
   for (const std::uint16_t i : free_b) {
     const Feature& f = b.feature(i);
-    const double variance = b.scale(f.octave) * b.scale(f.octave);
+    const double variance = b.rig->pyramid.variance(f.octave);
     targets.push_back({f.x, f.y, static_cast<float>(kChi2Line * variance), i, f.octave});
   }
 
@@ -122,8 +150,8 @@ std::vector<FeaturePair> match_on_epipolar_lines(const KeyframeView& a,
     const double length = line.head<2>().norm();
     if (!(length > 1e-12)) continue;  // both cameras stand in one place, or this is the epipole
     line /= length;
-    const Search found = search_line(line.cast<float>(), f, a.node->features().descriptors[i],
-                                     targets, b.node->features().descriptors);
+    const Search found = search_line(line.cast<float>(), f, a.features->descriptors[i], targets,
+                                     b.features->descriptors);
     if (found.best <= options.max_distance && found.best < options.ratio * found.second)
       matches.push_back({{i, found.index}, found.best});
   }
@@ -133,6 +161,16 @@ std::vector<FeaturePair> match_on_epipolar_lines(const KeyframeView& a,
   std::vector<FeaturePair> pairs;
   for (const Match& m : matches) pairs.push_back(m.pair);
   return pairs;
+}
+
+std::vector<PairPoint> triangulate_pairs(const View& a, const std::vector<std::uint16_t>& free_a,
+                                         const View& b, const std::vector<std::uint16_t>& free_b,
+                                         const PairOptions& options) {
+  std::vector<PairPoint> points;
+  for (const FeaturePair& pair : match_on_epipolar_lines(a, free_a, b, free_b, options))
+    if (const auto position = point_of(a, b, pair, options))
+      points.push_back({pair.first, pair.second, *position});
+  return points;
 }
 
 }  // namespace cairn

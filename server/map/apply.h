@@ -12,7 +12,7 @@ namespace cairn {
 struct KeyframeSummary {
   bool inserted = false;  // false: the map has or had a keyframe of that id, nothing was done
   int accepted = 0;       // matches with landmarks that the map had
-  int created = 0;        // landmarks made from depth
+  int created = 0;        // landmarks made from depth or from two views
   int rejected = 0;       // matches that contradict the map, or with landmarks that are gone
 };
 
@@ -27,7 +27,8 @@ struct KeyframeSummary {
 // near the feature and the keyframe does not see it by another feature. A match that names this
 // very keyframe and feature makes that landmark from the feature's depth. A match with a client's
 // landmark that is not in the map is taken to mean the feature that it was named after: the
-// landmark which that feature shows now or, if none, one made from its depth.
+// landmark which that feature shows now or, if none, one made from its depth; where neither feature
+// has depth, one triangulated from both. That is how monocular clients make landmarks.
 KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe);
 
 struct DeltaSummary {

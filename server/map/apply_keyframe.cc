@@ -1,6 +1,4 @@
-#include <limits>
-
-#include "common/model/measurement_noise.h"
+#include "common/feature/two_view.h"
 #include "server/map/apply.h"
 #include "server/map/map_editor.h"
 #include "server/map/refresh.h"
@@ -11,6 +9,10 @@ namespace {
 // The pose on arrival comes from the client's tracking and is not refined yet: twice the standard
 // deviations of what a refined pose would be held to.
 constexpr double kArrivalSlack = 4.0;
+
+View view_of(const KeyframeNode& node) {
+  return View::of(*node.keyframe, node.map_from_camera);
+}
 
 bool fits(const KeyframeNode& node, std::uint16_t feature, const Eigen::Vector3d& point) {
   const bool depth = node.features().points[feature].has_depth();
@@ -52,11 +54,11 @@ class Association {
       ++summary.rejected;
     } else if (match.landmark == LandmarkId::from_feature(id_, match.feature)) {
       ++(make_from_depth({id_, match.feature}) ? summary.created : summary.rejected);
+    } else if (is_missing(match.landmark) && make_from_two_views(match)) {
+      ++summary.created;
     } else {
-      const bool made = make_if_missing(match);
-      const LandmarkId landmark = resolve(match.landmark);
-      if (made) ++summary.created;
-      ++(accept(landmark, match.feature) ? summary.accepted : summary.rejected);
+      if (is_missing(match.landmark) && make_from_creator(match)) ++summary.created;
+      ++(accept(resolve(match.landmark), match.feature) ? summary.accepted : summary.rejected);
     }
   }
 
@@ -89,21 +91,49 @@ class Association {
            editor_.insert_landmark(LandmarkId::from_feature(at.keyframe, at.feature), point, at);
   }
 
+  bool is_missing(LandmarkId name) const {
+    return name.origin != LandmarkId::kServer && !resolve(name).is_valid();
+  }
+
+  // The earlier keyframe and feature that a client's landmark is named after, if the map has them.
+  const KeyframeNode* creator_of(LandmarkId name) const {
+    const KeyframeNode* creator = map_.keyframes.find(name.creator());
+    const bool usable =
+        creator && name.creator() != id_ && name.creator_feature() < creator->features().size();
+    return usable ? creator : nullptr;
+  }
+
   // Makes the landmark that a match names after a feature of an earlier keyframe, if that feature
   // shows none yet and the landmark would be seen where the match says.
-  bool make_if_missing(const LandmarkMatch& match) {
-    if (resolve(match.landmark).is_valid() || match.landmark.origin == LandmarkId::kServer)
-      return false;
-    const KeyframeId creator = match.landmark.creator();
+  bool make_from_creator(const LandmarkMatch& match) {
+    const KeyframeNode* creator = creator_of(match.landmark);
+    if (!creator) return false;
     const std::uint16_t feature = match.landmark.creator_feature();
-    const KeyframeNode* maker = map_.keyframes.find(creator);
-    if (!maker || creator == id_ || feature >= maker->features().size()) return false;
-    const Feature& f = maker->features().points[feature];
+    const Feature& f = creator->features().points[feature];
     if (!f.has_depth()) return false;
-    const PinholeCamera& camera = maker->rig().camera;
+    const PinholeCamera& camera = creator->rig().camera;
     const Eigen::Vector3d point =
-        maker->map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity));
-    return fits(node(id_), match.feature, point) && make_from_depth({creator, feature});
+        creator->map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity));
+    return fits(node(id_), match.feature, point) &&
+           make_from_depth({match.landmark.creator(), feature});
+  }
+
+  // The same where neither has depth: from both views. The new keyframe is the reference, as with
+  // landmarks that the server finds itself.
+  bool make_from_two_views(const LandmarkMatch& match) {
+    const KeyframeNode* creator = creator_of(match.landmark);
+    if (!creator) return false;
+    const Observation first{id_, match.feature};
+    const Observation second{match.landmark.creator(), match.landmark.creator_feature()};
+    const Feature& in_first = node(id_).features().points[first.feature];
+    const Feature& in_second = creator->features().points[second.feature];
+    if (in_first.has_depth() || in_second.has_depth()) return false;
+    const auto point =
+        triangulate_two_views(view_of(node(id_)), in_first, view_of(*creator), in_second);
+    return point && fits(node(id_), first.feature, point->position) &&
+           fits(*creator, second.feature, point->position) &&
+           editor_.insert_landmark(match.landmark, point->position, first) &&
+           editor_.add_observation(match.landmark, second);
   }
 
   Map& map_;
@@ -115,17 +145,7 @@ class Association {
 
 double reprojection_chi2(const KeyframeNode& node, std::uint16_t feature,
                          const Eigen::Vector3d& point_in_map) {
-  const Eigen::Vector3d p = node.map_from_camera.inverse() * point_in_map;
-  if (!(p.z() > 0)) return std::numeric_limits<double>::infinity();
-  const PinholeCamera& camera = node.rig().camera;
-  const Feature& f = node.features().points[feature];
-  const MeasurementSigma sigma = measurement_sigma(*node.keyframe, f);
-  double chi2 = ((camera.project(p) - f.pixel()) / sigma.pixel).squaredNorm();
-  if (f.has_depth()) {
-    const double error = (camera.disparity(p.z()) - f.disparity) / sigma.disparity;
-    chi2 += error * error;
-  }
-  return chi2;
+  return reprojection_chi2(view_of(node), node.features().points[feature], point_in_map);
 }
 
 KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe) {

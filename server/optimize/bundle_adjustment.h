@@ -84,7 +84,8 @@ BundleProblem extract_bundle(const Map& map, std::span<const KeyframeId> free_ke
                              std::span<const LandmarkId> landmarks);
 
 // Solves in place. Afterwards `active` tells which observations agree with the result. When asked
-// to stop it ends after the step at hand with the best state so far.
+// to stop it ends after the step at hand with the best state so far. Where one pose is held and
+// nothing tells the scale, the cameras keep their mean distance from it.
 BundleSummary solve_bundle(BundleProblem& problem, const BundleOptions& options,
                            std::stop_token stop = {});
 

@@ -146,6 +146,51 @@ void leave_out_unseen(BundleProblem& problem) {
                                                        problem.points[term.point].position.data()));
 }
 
+// Images alone don't tell how large a scene is. Where a single pose is held and no depth counts,
+// the solver may end at any scale; this keeps the one that the cameras had, by their mean distance
+// from the pose that is held.
+class ScaleGauge {
+ public:
+  explicit ScaleGauge(const BundleProblem& problem) {
+    for (const auto& term : problem.terms) known_ = known_ || term.reprojection.has_depth();
+    for (const auto& pose : problem.poses) {
+      if (!pose.fixed) continue;
+      known_ = known_ || held_;
+      held_ = &pose;
+    }
+    if (!known_ && held_) before_ = extent(problem);
+  }
+
+  void restore(BundleProblem& problem) const {
+    if (known_ || !held_ || !(before_ > 0)) return;
+    const double now = extent(problem);
+    if (!(now > 0)) return;
+    const Eigen::Vector3d centre = centre_of(*held_);
+    const double factor = before_ / now;
+    const auto scale = [&](const Eigen::Vector3d& p) -> Eigen::Vector3d {
+      return centre + factor * (p - centre);
+    };
+    for (auto& pose : problem.poses)
+      Eigen::Map<Eigen::Vector3d>(pose.state.data() + 4) = scale(centre_of(pose));
+    for (auto& point : problem.points) point.position = scale(point.position);
+    for (auto& follower : problem.followers) follower.position_in_camera *= factor;
+  }
+
+ private:
+  static Eigen::Vector3d centre_of(const BundleProblem::Pose& pose) {
+    return to_rigid(pose.state).origin();
+  }
+  double extent(const BundleProblem& problem) const {
+    double sum = 0;
+    for (const auto& pose : problem.poses) sum += (centre_of(pose) - centre_of(*held_)).norm();
+    return sum;
+  }
+
+  const BundleProblem::Pose* held_ = nullptr;
+  bool known_ = false;
+  double before_ = 0;
+};
+
 void describe(const BundleProblem& problem, BundleSummary& summary) {
   for (const auto& pose : problem.poses)
     ++(pose.fixed ? summary.fixed_keyframes : summary.keyframes);
@@ -173,6 +218,7 @@ BundleSummary solve_bundle(BundleProblem& problem, const BundleOptions& options,
     return summary;
   }
   leave_out_unseen(problem);
+  const ScaleGauge gauge(problem);
   CeresBundle bundle(problem);
   const auto first = bundle.solve(options, options.first_iterations, true, stop);
   summary.initial_cost = first.initial_cost;
@@ -181,6 +227,7 @@ BundleSummary solve_bundle(BundleProblem& problem, const BundleOptions& options,
     mark_outliers(problem);
     add_round(bundle.solve(options, options.second_iterations, false, stop), summary);
   }
+  gauge.restore(problem);
   summary.outliers = mark_outliers(problem);
   summary.stopped = stop.stop_requested();
   summary.solve_ms = watch.milliseconds();

@@ -50,12 +50,6 @@ TEST(BadInput, AnUnknownKindOfSource) {
   expect_refused(*client, 2, "ftp");
 }
 
-TEST(BadInput, ASingleCameraWithoutDepth) {
-  Deployment d;
-  const auto client = d.client("c", "synth:desk?sensor=mono&frames=5", {"--no-server"});
-  expect_refused(*client, 2, "depth");
-}
-
 TEST(BadInput, ARecordingWithoutFrames) {
   Deployment d;
   fs::create_directories(d.file("empty"));

@@ -20,8 +20,25 @@ inline std::shared_ptr<const Rig> test_rig() {
   return std::make_shared<Rig>(rig);
 }
 
+// The same without depth.
+inline std::shared_ptr<const Rig> mono_test_rig() {
+  Rig rig = *test_rig();
+  rig.sensor = Sensor::kMono;
+  rig.camera.baseline = 0;
+  rig.max_depth = 0;
+  return std::make_shared<Rig>(rig);
+}
+
 class FeatureWorld {
  public:
+  // These points.
+  FeatureWorld(unsigned seed, std::vector<Eigen::Vector3d> points)
+      : random_(seed), points_(std::move(points)) {
+    std::uniform_int_distribution<std::uint64_t> bits;
+    for (std::size_t i = 0; i < points_.size(); ++i)
+      descriptors_.push_back({bits(random_), bits(random_), bits(random_), bits(random_)});
+  }
+
   // Points on the walls of a box around the origin, 4 m to a side, so that some are always in view.
   explicit FeatureWorld(unsigned seed, int points = 3000) : random_(seed) {
     std::uniform_real_distribution<double> along(-2, 2);
@@ -56,8 +73,9 @@ class FeatureWorld {
       Feature f;
       f.x = static_cast<float>(pixel.x() + sigma * noise(random_));
       f.y = static_cast<float>(pixel.y() + sigma * noise(random_));
-      f.disparity =
-          static_cast<float>(std::max(0.1, rig.camera.disparity(p.z()) + sigma * noise(random_)));
+      if (rig.camera.baseline > 0)
+        f.disparity =
+            static_cast<float>(std::max(0.1, rig.camera.disparity(p.z()) + sigma * noise(random_)));
       // Points are of one size, so the octave goes with the distance: nearest at the coarsest.
       f.octave = static_cast<std::uint8_t>(
           std::clamp(std::log(6.0 / p.norm()) / std::log(1.2), 0.0, rig.pyramid.levels - 1.0));
@@ -74,6 +92,7 @@ class FeatureWorld {
   }
 
   const Eigen::Vector3d& point_of(std::size_t feature) const { return points_[point_of_[feature]]; }
+  std::size_t index_of(std::size_t feature) const { return point_of_[feature]; }
   std::mt19937& random() { return random_; }
 
  private:

@@ -4,9 +4,10 @@
 
 #include <algorithm>
 
+#include "common/feature/two_view.h"
 #include "server/map/apply.h"
 #include "server/map/invariants.h"
-#include "server/mapping/two_view.h"
+#include "server/mapping/keyframe_view.h"
 #include "tests/unit/server/synthetic_map.h"
 
 namespace cairn {
@@ -51,8 +52,7 @@ Quality quality(const SyntheticMap& world, const MapDelta& delta) {
 TEST(Triangulate, FindsExactPointsWithoutDepth) {
   const SyntheticMap world(
       {.keyframes = 2, .sensor = Sensor::kMono, .step = 0.3, .pixel_noise = 0.0});
-  GridCache grids;
-  const Quality q = quality(world, triangulate(built(world), {7, 1}, grids));
+  const Quality q = quality(world, triangulate(built(world), {7, 1}));
   EXPECT_GT(q.right, 60);
   EXPECT_LE(q.wrong, 1);
   EXPECT_LT(q.median_error, 1e-4);  // features are stored as float
@@ -61,8 +61,7 @@ TEST(Triangulate, FindsExactPointsWithoutDepth) {
 TEST(Triangulate, FindsNoisyPointsWithoutDepth) {
   const SyntheticMap world(
       {.keyframes = 2, .sensor = Sensor::kMono, .step = 0.3, .pixel_noise = 0.5});
-  GridCache grids;
-  const Quality q = quality(world, triangulate(built(world), {7, 1}, grids));
+  const Quality q = quality(world, triangulate(built(world), {7, 1}));
   EXPECT_GT(q.right, 50);
   EXPECT_LE(q.wrong, 2);
   EXPECT_LT(q.median_error, 0.12);
@@ -70,8 +69,7 @@ TEST(Triangulate, FindsNoisyPointsWithoutDepth) {
 
 TEST(Triangulate, TakesNothingFromTooLittleParallax) {
   const SyntheticMap world({.keyframes = 2, .sensor = Sensor::kMono, .step = 0.002});
-  GridCache grids;
-  EXPECT_THAT(triangulate(built(world), {7, 1}, grids).new_landmarks, IsEmpty());
+  EXPECT_THAT(triangulate(built(world), {7, 1}).new_landmarks, IsEmpty());
 }
 
 TEST(Triangulate, MeasuredDepthStandsInForParallax) {
@@ -82,8 +80,7 @@ TEST(Triangulate, MeasuredDepthStandsInForParallax) {
     silenced->matches.clear();
     apply_keyframe(map, silenced);
   }
-  GridCache grids;
-  const Quality q = quality(world, triangulate(map, {7, 1}, grids));
+  const Quality q = quality(world, triangulate(map, {7, 1}));
   EXPECT_GT(q.right, 60);
   EXPECT_LT(q.median_error, 0.1);
 }
@@ -91,22 +88,20 @@ TEST(Triangulate, MeasuredDepthStandsInForParallax) {
 TEST(Triangulate, TheNewKeyframeIsTheReferenceAndTheMapStaysValid) {
   const SyntheticMap world(silent({.keyframes = 5, .step = 0.2}));
   Map map = built(world);
-  GridCache grids;
-  const DeltaSummary summary = apply_delta(map, triangulate(map, {7, 4}, grids));
+  const DeltaSummary summary = apply_delta(map, triangulate(map, {7, 4}));
   EXPECT_GT(summary.landmarks_made, 30);
   EXPECT_EQ(summary.dropped, 0);
   map.landmarks.for_each([](LandmarkId, const Landmark& l) {
     EXPECT_EQ(l.reference, (KeyframeId{7, 4}));
   });
   EXPECT_THAT(check_invariants(map), IsEmpty());
-  EXPECT_THAT(triangulate(map, {7, 99}, grids).new_landmarks, IsEmpty());  // no such keyframe
+  EXPECT_THAT(triangulate(map, {7, 99}).new_landmarks, IsEmpty());  // no such keyframe
 }
 
 TEST(Triangulate, FeaturesWithALandmarkAreLeftAlone) {
   const SyntheticMap world({.keyframes = 4});
   Map map = built(world);
-  GridCache grids;
-  for (const auto& made : triangulate(map, {7, 3}, grids).new_landmarks)
+  for (const auto& made : triangulate(map, {7, 3}).new_landmarks)
     for (const Observation& o : made.observations)
       EXPECT_FALSE(map.keyframes.at(o.keyframe).landmarks[o.feature].is_valid());
 }
@@ -118,8 +113,7 @@ TEST(Triangulate, ATurnedFeatureIsNoMatch) {
   Map map;
   apply_keyframe(map, world.keyframes[0]);
   apply_keyframe(map, turned);
-  GridCache grids;
-  const MapDelta delta = triangulate(map, {7, 1}, grids);
+  const MapDelta delta = triangulate(map, {7, 1});
   EXPECT_GT(delta.new_landmarks.size(), 40u);
   for (const auto& made : delta.new_landmarks) EXPECT_GE(made.observations[0].feature, 10);
 }
@@ -127,8 +121,7 @@ TEST(Triangulate, ATurnedFeatureIsNoMatch) {
 TEST(Triangulate, TheSameAgainGivesTheSame) {
   const SyntheticMap world(silent({.keyframes = 6, .step = 0.2}));
   const Map map = built(world);
-  GridCache a, b(2);
-  const MapDelta first = triangulate(map, {7, 5}, a), second = triangulate(map, {7, 5}, b);
+  const MapDelta first = triangulate(map, {7, 5}), second = triangulate(map, {7, 5});
   ASSERT_EQ(first.new_landmarks.size(), second.new_landmarks.size());
   for (std::size_t i = 0; i < first.new_landmarks.size(); ++i) {
     EXPECT_EQ(first.new_landmarks[i].position, second.new_landmarks[i].position);
@@ -143,14 +136,15 @@ TEST(TwoView, CertaintyGrowsWithTheBaseline) {
     const Map map = built(world);
     const KeyframeNode& a = map.keyframes.at({7, 0});
     const KeyframeNode& b = map.keyframes.at({7, 1});
-    const Rigid3 a_from_map = a.map_from_camera.inverse(), b_from_map = b.map_from_camera.inverse();
+    const View in_a = View::of(*a.keyframe, a.map_from_camera);
+    const View in_b = View::of(*b.keyframe, b.map_from_camera);
     Feature fa = a.features().points[0], fb = fa;
     const Eigen::Vector3d point(0.3, 0.2, 3.0);
-    const Eigen::Vector2d pa = a.rig().camera.project(a_from_map * point);
-    const Eigen::Vector2d pb = b.rig().camera.project(b_from_map * point);
+    const Eigen::Vector2d pa = a.rig().camera.project(in_a.camera_from_map * point);
+    const Eigen::Vector2d pb = b.rig().camera.project(in_b.camera_from_map * point);
     fa.x = static_cast<float>(pa.x()), fa.y = static_cast<float>(pa.y());
     fb.x = static_cast<float>(pb.x()), fb.y = static_cast<float>(pb.y());
-    const auto found = triangulate_two_views({&a, &a_from_map, &fa}, {&b, &b_from_map, &fb});
+    const auto found = triangulate_two_views(in_a, fa, in_b, fb);
     ASSERT_TRUE(found);
     EXPECT_LT((found->position - point).norm(), 1e-3);
     EXPECT_LT(found->relative_sigma, last);
