@@ -48,6 +48,8 @@ void read_tracking(Section section, TrackerOptions& tracker) {
   tracker.min_inliers = count("min_inliers", tracker.min_inliers, 6, 1000);
   tracker.min_inliers_after_loss =
       count("min_inliers_after_loss", tracker.min_inliers_after_loss, 6, 1000);
+  tracker.lost.new_part_after_s =
+      section.number_or("new_part_after_s", tracker.lost.new_part_after_s, {0.1, 1e6});
   tracker.min_start_features = count("min_start_features", tracker.min_start_features, 10, 10000);
   tracker.landmarks_per_keyframe =
       count("landmarks_per_keyframe", tracker.landmarks_per_keyframe, 50, 10000);

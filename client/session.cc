@@ -29,6 +29,8 @@ constexpr std::chrono::seconds kConnectGrace{5};  // --max-rate goes on without 
 // The server answers the heartbeat of every second. A second longer without an answer, and
 // keyframes are chosen as if there were none.
 constexpr std::chrono::seconds kAnswerGrace{2};
+// With --max-rate or --lockstep: how long a lost client waits for the server to say where it is.
+constexpr std::chrono::seconds kAnswerPatience{2};
 constexpr std::chrono::seconds kProgressEvery{5};
 // How long an interrupted client still tries to deliver; the outbox keeps the rest for later.
 constexpr std::chrono::seconds kInterruptedPatience{2};
@@ -53,6 +55,9 @@ class Session {
   Status process(const Frame& frame);
   void look_after_link();
   void take_corrections(nanoseconds at_most);
+  void take_answer(const RelocaliseAnswer& answer);
+  void wait_for_answer();
+  void send(const TrackingResult& result);
   void apply(const MapUpdate& update);
   Status wait_for_mapping(int backlog, Clock::time_point deadline, bool only_while_connected);
   void wait_for_delivery(Clock::time_point deadline);
@@ -72,6 +77,7 @@ class Session {
   const Clock::time_point started_ = Clock::now();
   Clock::time_point in_touch_ = started_;
   bool settled_ = false;  // the server has no more corrections under way
+  bool answers_ = true;   // as far as known: to the question where this is
   Clock::time_point next_progress_ = Clock::now() + kProgressEvery;
   SessionReport report_;
 };
@@ -149,6 +155,7 @@ void Session::take_corrections(nanoseconds at_most) {
       sent_.erase(sent_.begin());
     }
   }
+  if (const auto answer = link_->poll_answer()) take_answer(*answer);
 }
 
 Status Session::process(const Frame& frame) {
@@ -156,15 +163,40 @@ Status Session::process(const Frame& frame) {
   ObservedFrame observed = frontend_->process(frame);
   report_.extraction_ms.push_back(watch.milliseconds());
   const TrackingResult result = tracker_->track(observed.stamp_ns, std::move(observed.features));
+  send(result);
+  report_.tracking_ms.push_back(watch.milliseconds());
+  ++report_.frames;
+  report_.tracked += result.state == TrackingState::kTracking;
+  if (result.question) wait_for_answer();
+  return result.keyframe || result.question ? after_keyframe() : Status();
+}
+
+void Session::send(const TrackingResult& result) {
   for (const KeyframePtr& keyframe : {result.first_keyframe, result.keyframe}) {
     if (!keyframe) continue;
     sent_[keyframe->id.sequence] = Clock::now();
     link_->send(keyframe);
   }
-  report_.tracking_ms.push_back(watch.milliseconds());
-  ++report_.frames;
-  report_.tracked += result.state == TrackingState::kTracking;
-  return result.keyframe ? after_keyframe() : Status();
+  if (result.question) link_->ask(result.question);
+}
+
+void Session::take_answer(const RelocaliseAnswer& answer) {
+  answers_ = true;
+  const TrackingResult result = tracker_->take(answer);
+  send(result);
+  report_.tracked += result.keyframe != nullptr;  // the frame asked about, which had been lost
+}
+
+// Where frames don't come by the clock the camera need not have moved on when the answer comes.
+void Session::wait_for_answer() {
+  if ((!options_.lockstep && !options_.max_rate) || !answers_) return;
+  const auto deadline = Clock::now() + kAnswerPatience;
+  while (tracker_->awaits_answer() && !stop_.stop_requested() && link_->stats().connected &&
+         Clock::now() < deadline) {
+    if (const auto answer = link_->wait_answer(kLinkCheck, stop_)) take_answer(*answer);
+    take_corrections(nanoseconds::zero());
+  }
+  answers_ = Clock::now() < deadline;
 }
 
 // Waits until at most `backlog` keyframes await mapping. Running into the deadline is an error,

@@ -30,66 +30,155 @@ Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOpt
     : epoch_(epoch),
       rig_(std::move(rig)),
       options_(options),
-      mono_start_(rig_, options.mono_start) {}
+      mono_start_(rig_, options.mono_start),
+      lost_(options.lost) {}
 
 TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
   auto frame = std::make_unique<TrackedFrame>(stamp_ns, rig_, std::move(features));
   TrackingResult result;
   ++frames_since_keyframe_;
-
-  if (state_ == TrackingState::kStarting) {
-    if (!start(*frame, result)) return result;
-  } else {
-    int landmarks = 0;
-    if (state_ == TrackingState::kTracking) {
-      if (follow_motion(*frame) >= kMinFollowInliers ||
-          follow_keyframe(*frame) >= kMinFollowInliers)
-        landmarks = match_local_map(*frame);
-    } else if (find_again(*frame)) {
-      landmarks = match_local_map(*frame);
-      frames_since_loss_ = 0;
-      has_motion_ = false;
-    }
-    ++frames_since_loss_;
-    const int enough = frames_since_loss_ < kFramesToTrustAfterLoss
-                           ? options_.min_inliers_after_loss
-                           : options_.min_inliers;
-    if (landmarks < enough) {
-      if (state_ == TrackingState::kTracking)
-        log::warn("tracking lost at {:.3f} s: {} landmarks fit, {} needed", to_seconds(stamp_ns),
-                  landmarks, enough);
-      state_ = TrackingState::kLost;
-      has_motion_ = false;
-      result.state = state_;
-      return result;
-    }
-    if (state_ == TrackingState::kLost)
-      log::info("tracking found again at {:.3f} s by {} landmarks", to_seconds(stamp_ns),
-                landmarks);
-    const bool continuous = state_ == TrackingState::kTracking;
-    state_ = TrackingState::kTracking;
-    choose_reference(*frame);
-    if (continuous) {
-      last_from_current_ = last_->map_from_camera.inverse() * frame->map_from_camera;
-      has_motion_ = true;
-    }
-    result.landmarks = landmarks;
-    if (wants_keyframe(*frame, landmarks)) result.keyframe = make_keyframe(*frame);
-  }
-
-  record(*frame);
+  const bool placed =
+      state_ == TrackingState::kStarting ? start(*frame, result) : follow(*frame, result);
+  if (placed || (give_up(*frame) && start(*frame, result)))
+    finish(std::move(frame), result);
+  else
+    ask_about(std::move(frame), result);
   result.state = state_;
-  result.map_from_camera = frame->map_from_camera;
-  result.odom_from_camera = map_from_odom_.inverse() * frame->map_from_camera;
-  last_ = std::move(frame);
   return result;
 }
 
-// The first frame's camera is the origin of the map.
+void Tracker::finish(std::unique_ptr<TrackedFrame> frame, TrackingResult& result) {
+  lost_.end();
+  asked_.reset();
+  record(*frame);
+  result.state = state_;
+  result.map_from_camera = frame->map_from_camera;
+  result.odom_from_camera = last_odom_from_camera_ =
+      map_from_odom_.inverse() * frame->map_from_camera;
+  last_ = std::move(frame);
+}
+
+bool Tracker::follow(TrackedFrame& frame, TrackingResult& result) {
+  int landmarks = 0;
+  if (state_ == TrackingState::kTracking) {
+    if (follow_motion(frame) >= kMinFollowInliers || follow_keyframe(frame) >= kMinFollowInliers)
+      landmarks = match_local_map(frame);
+  } else if (find_again(frame)) {
+    landmarks = match_local_map(frame);
+    frames_since_loss_ = 0;
+    has_motion_ = false;
+  }
+  ++frames_since_loss_;
+  const int enough = frames_since_loss_ < kFramesToTrustAfterLoss ? options_.min_inliers_after_loss
+                                                                  : options_.min_inliers;
+  if (landmarks < enough) {
+    if (state_ == TrackingState::kTracking)
+      log::warn("tracking lost at {:.3f} s: {} landmarks fit, {} needed",
+                to_seconds(frame.stamp_ns), landmarks, enough);
+    state_ = TrackingState::kLost;
+    has_motion_ = false;
+    return false;
+  }
+  if (state_ == TrackingState::kLost)
+    log::info("tracking found again at {:.3f} s by {} landmarks", to_seconds(frame.stamp_ns),
+              landmarks);
+  const bool continuous = state_ == TrackingState::kTracking;
+  state_ = TrackingState::kTracking;
+  choose_reference(frame);
+  if (continuous) {
+    last_from_current_ = last_->map_from_camera.inverse() * frame.map_from_camera;
+    has_motion_ = true;
+  }
+  result.landmarks = landmarks;
+  if (wants_keyframe(frame, landmarks)) result.keyframe = make_keyframe(frame);
+  return true;
+}
+
+bool Tracker::could_start(const TrackedFrame& frame) const {
+  return rig_->sensor == Sensor::kMono
+             ? static_cast<int>(frame.features.size()) >= options_.mono_start.min_features
+             : features_with_depth(frame) >= options_.min_start_features;
+}
+
+// Whether a frame that could not be placed is to start a new part of the map. Without a server that
+// could join the parts some day the client goes on looking for its old one.
+bool Tracker::give_up(const TrackedFrame& frame) {
+  lost_.see(frame.stamp_ns, could_start(frame));
+  if (state_ != TrackingState::kLost || !has_server_ || !lost_.has_lasted()) return false;
+  log::warn("lost for long: starting a new part of the map at {:.3f} s",
+            to_seconds(frame.stamp_ns));
+  state_ = TrackingState::kStarting;
+  mono_start_ = MonoStart(rig_, options_.mono_start);
+  reference_ = {};  // nothing connects it with what was before
+  last_.reset();
+  return true;
+}
+
+void Tracker::ask_about(std::unique_ptr<TrackedFrame> frame, TrackingResult& result) {
+  if (!has_server_ || !lost_.wants_to_ask()) return;
+  auto question = std::make_shared<Keyframe>();
+  question->id = {epoch_, ++questions_};
+  question->stamp_ns = frame->stamp_ns;
+  question->rig = rig_;
+  question->features = frame->features;
+  result.question = std::move(question);
+  clear_matches(*frame);
+  asked_ = std::move(frame);
+  lost_.asked();
+}
+
+TrackingResult Tracker::take(const RelocaliseAnswer& answer) {
+  TrackingResult result;
+  result.state = state_;
+  if (answer.epoch != epoch_ || answer.number != questions_ || !asked_) return result;
+  lost_.answered();
+  std::unique_ptr<TrackedFrame> frame = std::move(asked_);
+  if (!answer.found) {
+    log::debug("the server does not know where this is: {}", answer.why);
+    return result;
+  }
+  // Told in another state of the map than this client has: the next answer will fit.
+  if (answer.around.map != map_.id() || answer.around.merge_epoch != merge_epoch_) return result;
+  const int landmarks = locate(answer, *frame);
+  if (landmarks < options_.min_inliers_after_loss) return result;
+  log::info("found by the server at {:.3f} s by {} landmarks", to_seconds(frame->stamp_ns),
+            landmarks);
+  // The way here is not known: unless the place is one that this client has been to, odom goes on
+  // as if the camera had not moved.
+  if (!map_.most_shared(frame->landmarks()))
+    map_from_odom_ = frame->map_from_camera * last_odom_from_camera_.inverse();
+  state_ = TrackingState::kTracking;
+  has_motion_ = false;
+  frames_since_loss_ = 0;
+  // The keyframe says where in the map this client goes on.
+  reference_ = answer.reference;
+  if (!map_.pose_of(reference_))
+    foreign_reference_ = KeyframePose{reference_, answer.map_from_reference};
+  result.landmarks = landmarks;
+  result.keyframe = make_keyframe(*frame);
+  foreign_reference_.reset();
+  finish(std::move(frame), result);
+  return result;
+}
+
+// The landmarks that fit, at the pose that they fit at.
+int Tracker::locate(const RelocaliseAnswer& answer, TrackedFrame& frame) {
+  map_.apply(answer.around);
+  frame.map_from_camera = answer.map_from_camera;
+  for (const LandmarkMatch& m : answer.matches)
+    if (m.feature < frame.matches.size())
+      if (const LocalLandmark* landmark = map_.find(m.landmark))
+        frame.matches[m.feature] = {true, landmark->id, landmark->position};
+  return refine_pose(frame) >= kMinFollowInliers ? match_local_map(frame) : 0;
+}
+
+// The first frame's camera is the origin of the map; a new part after the first begins where odom
+// ended.
 bool Tracker::start(TrackedFrame& frame, TrackingResult& result) {
   if (rig_->sensor == Sensor::kMono) return start_mono(frame, result);
   if (features_with_depth(frame) < options_.min_start_features) return false;
-  frame.map_from_camera = Rigid3();
+  frame.map_from_camera = map_from_odom_ * last_odom_from_camera_;
+  has_motion_ = false;
   state_ = TrackingState::kTracking;
   result.keyframe = make_keyframe(frame);
   return true;
@@ -230,7 +319,8 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame,
   keyframe->noise = frame.noise;
   keyframe->odom_from_camera = map_from_odom_.inverse() * frame.map_from_camera;
   keyframe->reference = reference_;
-  if (const auto map_from_reference = map_.pose_of(reference_))
+  if (const auto map_from_reference =
+          foreign_reference_ ? foreign_reference_->map_from_camera : map_.pose_of(reference_))
     keyframe->reference_from_camera = map_from_reference->inverse() * frame.map_from_camera;
 
   make_landmarks(keyframe->id, frame);
@@ -261,6 +351,7 @@ void Tracker::apply(const MapUpdate& update) {
       last_ ? map_from_odom_.inverse() * last_->map_from_camera : Rigid3();
   if (map_.is_of_another_map(update)) change_map();
   map_.apply(update);
+  merge_epoch_ = update.merge_epoch;
   if (update.epoch == epoch_)
     mapped_keyframes_ = std::max(mapped_keyframes_, update.mapped_keyframes);
   if (!last_) return;

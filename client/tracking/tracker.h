@@ -2,6 +2,10 @@
 //
 // One frame goes through five steps: predict, match to the last frame, match to the local map,
 // decide on a keyframe, record. Nothing here waits for anybody. Used from one thread.
+//
+// Lost, it looks among its own latest keyframes and asks the server, which knows everybody's
+// (TrackingResult::question, take()). Where neither helps for long it starts a new part of the map,
+// which the server will join to the rest when it recognises something.
 #pragma once
 
 #include <algorithm>
@@ -13,10 +17,12 @@
 
 #include "client/tracking/keyframe_policy.h"
 #include "client/tracking/local_map.h"
+#include "client/tracking/lost_time.h"
 #include "client/tracking/mono_start.h"
 #include "client/tracking/provisional.h"
 #include "client/tracking/tracked_frame.h"
 #include "client/tracking/trajectory.h"
+#include "common/model/relocalise.h"
 
 namespace cairn {
 
@@ -40,6 +46,7 @@ struct TrackerOptions {
   // Without depth: how a map starts, and how later landmarks are made.
   MonoStartOptions mono_start;
   ProvisionalOptions provisional;
+  LostOptions lost;
 };
 
 enum class TrackingState { kStarting, kTracking, kLost };
@@ -52,6 +59,9 @@ struct TrackingResult {
   KeyframePtr keyframe;     // the one made of this frame, or null
   // Where a monocular map starts: the earlier frame that it starts from, to be sent before.
   KeyframePtr first_keyframe;
+  // Where is this? To be sent to the server while it is not known: the frame as a keyframe without
+  // matches, whose sequence is the number of the question.
+  KeyframePtr question;
 };
 
 class Tracker {
@@ -61,6 +71,12 @@ class Tracker {
 
   // Stamps must ascend.
   TrackingResult track(std::int64_t stamp_ns, Features features);
+
+  // The server's answer to the latest question, between frames. Where it holds the frame asked about
+  // is tracked and becomes a keyframe, the next frame is tracked from it; otherwise nothing changes.
+  TrackingResult take(const RelocaliseAnswer& answer);
+  // Whether the answer to the latest question would still help.
+  bool awaits_answer() const { return asked_ != nullptr; }
 
   // Corrections by the server; call between frames. What is being tracked moves along with the map.
   // Of another map than before (the server was restarted without it), the client's odom frame is
@@ -83,11 +99,17 @@ class Tracker {
   const LocalMap& map() const { return map_; }
 
  private:
+  bool follow(TrackedFrame& frame, TrackingResult& result);
   bool start(TrackedFrame& frame, TrackingResult& result);
   bool start_mono(TrackedFrame& frame, TrackingResult& result);
   int follow_motion(TrackedFrame& frame);
   int follow_keyframe(TrackedFrame& frame);
   bool find_again(TrackedFrame& frame);
+  bool give_up(const TrackedFrame& frame);
+  void ask_about(std::unique_ptr<TrackedFrame> frame, TrackingResult& result);
+  int locate(const RelocaliseAnswer& answer, TrackedFrame& frame);
+  bool could_start(const TrackedFrame& frame) const;
+  void finish(std::unique_ptr<TrackedFrame> frame, TrackingResult& result);
   int match_local_map(TrackedFrame& frame);
   void choose_reference(const TrackedFrame& frame);
   bool wants_keyframe(const TrackedFrame& frame, int landmarks) const;
@@ -115,6 +137,12 @@ class Tracker {
   int frames_since_keyframe_ = 0;
   int frames_since_loss_ = 1'000'000;
   std::size_t lost_attempts_ = 0;
+  LostTime lost_;
+  std::unique_ptr<TrackedFrame> asked_;  // the frame of the latest question, until it is answered
+  std::uint32_t questions_ = 0;
+  std::optional<KeyframePose> foreign_reference_;  // of the keyframe being made, if not an own one
+  Rigid3 last_odom_from_camera_;                   // of the last tracked frame
+  std::uint32_t merge_epoch_ = 0;                  // of the map, as the last update has told
   std::uint32_t next_sequence_ = 0;
   std::uint32_t mapped_keyframes_ = 0;
   bool has_server_ = true;

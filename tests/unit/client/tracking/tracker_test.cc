@@ -227,5 +227,226 @@ TEST(Tracker, KeyframesCountAsMappedOnce) {
   EXPECT_EQ(run.tracker.unmapped(), 0);
 }
 
+// A server that knows the whole world, in a frame in which this client has never been.
+struct Server {
+  const KeyframeId reference{7, 3};
+  const Rigid3 map_from_world{so3_exp({0, 0.4, 0}), {10, 0, -3}};
+
+  // What it says of a view of the world at that pose: features match in the order of the view.
+  RelocaliseAnswer answer(Walk& run, const Keyframe& question, const Rigid3& pose) const {
+    RelocaliseAnswer a;
+    a.epoch = question.id.epoch;
+    a.number = question.id.sequence;
+    a.found = true;
+    a.reference = reference;
+    a.map_from_reference = map_from_world;
+    a.map_from_camera = map_from_world * pose;
+    a.around.map = run.tracker.map().id();
+    a.around.base_revision = 1;
+    a.around.revision = 2;
+    a.around.epoch = a.epoch;
+    for (std::size_t f = 0; f < question.features.size(); ++f) {
+      LandmarkState l;
+      l.id = {7, f + 1};
+      l.position = map_from_world * run.world.point_of(f);
+      l.normal = (a.map_from_camera.translation - l.position).normalized();
+      l.min_distance = 0.1f;
+      l.max_distance =
+          static_cast<float>((a.map_from_camera.translation - l.position).norm() *
+                             run.rig->pyramid.scale(question.features.points[f].octave));
+      l.descriptor = question.features.descriptors[f];
+      l.observers = {reference};
+      a.around.landmarks.push_back(l);
+      if (f % 2 == 0) a.matches.push_back({static_cast<std::uint16_t>(f), l.id});
+    }
+    return a;
+  }
+};
+
+// Begins at wander(0), is told of the server's map, and goes blind after 20 frames.
+struct LostWalk : Walk {
+  LostWalk() {
+    for (int i = 0; i < 20; ++i) step(wander(i / 30.0));
+    MapUpdate update;
+    update.map = {1};
+    update.base_revision = 1;
+    update.revision = 2;
+    update.epoch = 99;
+    update.mapped_keyframes = tracker.keyframes_made();
+    tracker.apply(update);
+    for (int i = 0; i < 60; ++i) {
+      const TrackingResult r = blind();
+      EXPECT_EQ(r.state, TrackingState::kLost);
+      EXPECT_FALSE(r.question) << "there is nothing to be seen";
+    }
+  }
+  // A place of another world, where this client has never been.
+  Keyframe asked() {
+    for (int i = 0; i < 3; ++i)
+      if (const TrackingResult r = step_elsewhere(); r.question) return *r.question;
+    ADD_FAILURE() << "does not ask";
+    return {};
+  }
+  TrackingResult step_elsewhere() {
+    std::swap(world, elsewhere);
+    const TrackingResult r = step(kThere);
+    std::swap(world, elsewhere);
+    return r;
+  }
+  RelocaliseAnswer answer(const Keyframe& question) {
+    std::swap(world, elsewhere);
+    const RelocaliseAnswer a = server.answer(*this, question, kThere);
+    std::swap(world, elsewhere);
+    return a;
+  }
+
+  static RelocaliseAnswer nowhere(const Keyframe& question) {
+    RelocaliseAnswer a;
+    a.epoch = question.id.epoch;
+    a.number = question.id.sequence;
+    return a;
+  }
+
+  const Rigid3 kThere = wander(3);
+  FeatureWorld elsewhere{23};
+  Server server;
+};
+
+TEST(Tracker, AsksTheServerWhileItIsLostAndSees) {
+  LostWalk run;
+  const Keyframe question = run.asked();
+  EXPECT_EQ(question.id, (KeyframeId{99, 1}));
+  EXPECT_FALSE(question.reference.is_valid());
+  EXPECT_TRUE(question.matches.empty());
+  EXPECT_GT(question.features.size(), 100u);
+  // One at a time: the next one when this one is answered, or overdue.
+  for (int i = 0; i < 20; ++i) EXPECT_FALSE(run.step_elsewhere().question);
+  EXPECT_EQ(run.tracker.take(run.nowhere(question)).state, TrackingState::kLost);
+  const TrackingResult next = run.step_elsewhere();
+  ASSERT_TRUE(next.question);
+  EXPECT_EQ(next.question->id.sequence, 2u);
+}
+
+TEST(Tracker, AsksNobodyWhereThereIsNoServer) {
+  LostWalk run;
+  run.tracker.set_has_server(false);
+  for (int i = 0; i < 120; ++i) {
+    const TrackingResult r = run.step_elsewhere();
+    EXPECT_EQ(r.state, TrackingState::kLost);
+    EXPECT_FALSE(r.question);
+  }
+}
+
+TEST(Tracker, GoesOnWhereTheServerHasFoundIt) {
+  LostWalk run;
+  const Keyframe question = run.asked();
+  const std::size_t before = run.tracker.trajectory().size();
+  run.step_elsewhere();
+  const TrackingResult found = run.tracker.take(run.answer(question));
+  ASSERT_EQ(found.state, TrackingState::kTracking);
+  EXPECT_GT(found.landmarks, 100);
+  // The keyframe tells the server in which part of the map this client is now.
+  ASSERT_TRUE(found.keyframe);
+  EXPECT_EQ(found.keyframe->reference, run.server.reference);
+  EXPECT_EQ(found.keyframe->stamp_ns, question.stamp_ns);
+  EXPECT_LT((found.keyframe->reference_from_camera.translation - run.kThere.translation).norm(),
+            0.01);
+  const auto of_others =
+      std::count_if(found.keyframe->matches.begin(), found.keyframe->matches.end(),
+                    [](const LandmarkMatch& m) { return m.landmark.origin == 7; });
+  EXPECT_GT(of_others, 100);
+
+  const TrackingResult next = run.step_elsewhere();
+  ASSERT_EQ(next.state, TrackingState::kTracking);
+  const Rigid3 truth = run.server.map_from_world * run.kThere;
+  EXPECT_LT((next.map_from_camera.translation - truth.translation).norm(), 0.01);
+  EXPECT_EQ(run.tracker.trajectory().size(), before + 2) << "the frame asked about, and this one";
+}
+
+TEST(Tracker, OdometryDoesNotJumpToAPlaceThatItDoesNotKnowTheWayTo) {
+  LostWalk run;
+  const Rigid3 last = wander(0).inverse() * wander(19 / 30.0);
+  const TrackingResult found = run.tracker.take(run.answer(run.asked()));
+  ASSERT_EQ(found.state, TrackingState::kTracking);
+  EXPECT_LT((found.odom_from_camera.translation - last.translation).norm(), 0.02);
+}
+
+// Late, of another state of the map, or contradicted by the frame itself.
+TEST(Tracker, AnswersThatDoNotHoldChangeNothing) {
+  for (int kind = 0; kind < 4; ++kind) {
+    LostWalk run;
+    const Keyframe question = run.asked();
+    RelocaliseAnswer answer = run.answer(question);
+    if (kind == 0) answer.number = 77;
+    if (kind == 1) answer.around.merge_epoch = 5;
+    if (kind == 2) answer.around.map = {2};
+    if (kind == 3)
+      for (LandmarkState& l : answer.around.landmarks) l.position = -l.position;
+    const std::uint32_t made = run.tracker.keyframes_made();
+    EXPECT_EQ(run.tracker.take(answer).state, TrackingState::kLost) << kind;
+    EXPECT_EQ(run.tracker.keyframes_made(), made) << kind;
+    EXPECT_EQ(run.step_elsewhere().state, TrackingState::kLost) << kind;
+  }
+}
+
+TEST(Tracker, WhatItHasFoundItselfNeedsNoAnswer) {
+  LostWalk run;
+  const RelocaliseAnswer answer = run.answer(run.asked());
+  ASSERT_EQ(run.step(wander(0.5)).state, TrackingState::kTracking);
+  EXPECT_FALSE(run.tracker.awaits_answer());
+  const TrackingResult r = run.tracker.take(answer);
+  EXPECT_EQ(r.state, TrackingState::kTracking);
+  EXPECT_FALSE(r.keyframe);
+}
+
+TEST(Tracker, StartsANewPartOfTheMapWhereNobodyFindsIt) {
+  LostWalk run;
+  const std::size_t before = run.tracker.trajectory().size();
+  TrackingResult r;
+  int lost = 0;
+  while (lost < 120 && (r = run.step_elsewhere()).state == TrackingState::kLost) {
+    ++lost;
+    if (r.question) run.tracker.take(run.nowhere(*r.question));
+  }
+  ASSERT_EQ(r.state, TrackingState::kTracking);
+  EXPECT_GE(lost, 30) << "a second at least";
+  EXPECT_LE(lost, 60) << "and two at most";
+  ASSERT_TRUE(r.keyframe);
+  EXPECT_FALSE(r.keyframe->reference.is_valid()) << "nothing connects it with what was before";
+  for (const LandmarkMatch& m : r.keyframe->matches)
+    EXPECT_EQ(m.landmark.creator(), r.keyframe->id);
+  // Odometry is all that the server has to place it by: it goes on as if the camera had not moved.
+  const Rigid3 last = wander(0).inverse() * wander(19 / 30.0);
+  EXPECT_LT((r.keyframe->odom_from_camera.translation - last.translation).norm(), 0.02);
+  EXPECT_EQ(run.step_elsewhere().state, TrackingState::kTracking);
+  EXPECT_EQ(run.tracker.trajectory().size(), before + 2);
+  // Corrections reach both parts.
+  MapUpdate update;
+  update.map = {1};
+  update.base_revision = 2;
+  update.revision = 3;
+  update.epoch = 99;
+  const Rigid3 shift({1, 0, 0, 0}, {1, 2, 3});
+  const Rigid3 old = run.tracker.trajectory().front().world_from_camera;
+  update.keyframes.push_back({{99, 0}, shift * *run.tracker.map().pose_of({99, 0})});
+  run.tracker.apply(update);
+  EXPECT_LT(
+      ((shift * old).translation - run.tracker.trajectory().front().world_from_camera.translation)
+          .norm(),
+      1e-9);
+}
+
+// One that recognises no places could not join the parts.
+TEST(Tracker, StartsNothingNewForAServerThatDoesNotAnswer) {
+  LostWalk run;
+  for (int i = 0; i < 150; ++i) EXPECT_EQ(run.step_elsewhere().state, TrackingState::kLost);
+}
+
+TEST(Tracker, TimeInTheDarkDoesNotMakeItStartAnew) {
+  LostWalk run;
+  for (int i = 0; i < 300; ++i) EXPECT_EQ(run.blind().state, TrackingState::kLost);
+  EXPECT_EQ(run.step(wander(0.5)).state, TrackingState::kTracking);
+}
+
 }  // namespace
 }  // namespace cairn
