@@ -182,10 +182,13 @@ std::unique_ptr<Process> Deployment::client(const std::string& name, const std::
                                             const std::string& config) {
   std::vector<std::string> all{"--config", config.empty() ? write("client.yaml", "{}\n") : config,
                                "--input",  input,
-                               "--name",   name,
-                               "--outbox", file(name + ".outbox").string()};
-  if (std::find(arguments.begin(), arguments.end(), "--timeout") == arguments.end())
-    all.insert(all.end(), {"--timeout", std::to_string(30 * kTimeScale)});
+                               "--name",   name};
+  const auto by_default = [&](const std::string& option, const std::string& value) {
+    if (std::find(arguments.begin(), arguments.end(), option) == arguments.end())
+      all.insert(all.end(), {option, value});
+  };
+  by_default("--outbox", file(name + ".outbox").string());
+  by_default("--timeout", std::to_string(30 * kTimeScale));
   all.insert(all.end(), arguments.begin(), arguments.end());
   return start("cairn-client", name, all);
 }

@@ -48,7 +48,8 @@ class Process {
 };
 
 // A folder of its own and a DDS network of its own for one test; removed at the end unless the test
-// has failed. Clients get the default --timeout times kTimeScale unless their test gives one.
+// has failed. Clients get the default --timeout times kTimeScale, and an outbox named after them,
+// unless their test gives others.
 class Deployment {
  public:
   Deployment();
