@@ -20,6 +20,20 @@ struct Place {
   std::size_t inliers() const { return location.matches.size(); }
 };
 
+// Whether a keyframe, or one of those that see most of what it does, is of a place that has been
+// found.
+bool is_known(const Map& map, const std::vector<Place>& places, KeyframeId keyframe) {
+  constexpr std::size_t kNeighbours = 10;
+  std::unordered_set<KeyframeId> known;
+  for (const Place& place : places)
+    known.insert(place.location.around.begin(), place.location.around.end());
+  if (known.contains(keyframe)) return true;
+  const auto& covisible = map.keyframes.at(keyframe).covisible;
+  for (std::size_t i = 0; i < std::min(kNeighbours, covisible.size()); ++i)
+    if (known.contains(covisible[i].keyframe)) return true;
+  return false;
+}
+
 bool is_elsewhere(const Map& map, const Place& a, const Place& b,
                   const RelocaliseOptions& options) {
   const Rigid3 apart = a.location.map_from_camera.inverse() * b.location.map_from_camera;
@@ -95,7 +109,10 @@ RelocaliseAnswer relocalise(const Map& map, const PlaceIndex& index, const Vocab
   const auto candidates = find_candidates(map, index, words.bag, options.candidates);
   const FeatureGrid grid(view.features, view.rig->camera);
   std::vector<Place> places;
+  int left = options.most_held;
   for (const LoopCandidate& candidate : candidates) {
+    if (is_known(map, places, candidate.keyframe)) continue;
+    if (left-- == 0) break;
     Locating held = locate(map, view, grid, candidate.keyframe, options.locate);
     log::debug("view {} of run {:x} may show what keyframe {} of {:x} does (score {:.3f}): {}",
                view.id.sequence, view.id.epoch, candidate.keyframe.sequence,

@@ -28,7 +28,10 @@ namespace cairn {
 
 struct RelocaliseOptions {
   // Wider than for loops: a view has no neighbours that could tell how alike a place must look.
-  CandidateOptions candidates{.group_share = 0.5, .most = 5};
+  CandidateOptions candidates{.group_share = 0.5, .most = 15};
+  // Of which so many are held against the view, without those that show what one of the others was
+  // found to show.
+  int most_held = 4;
   LocateOptions locate;
   // Another place of the same part of the map, farther off than this (metres, or a share of a
   // landmark's usual distance where that is more; radians), must not explain more than this share

@@ -13,8 +13,8 @@
 //   3 grow      refine the pose (view_pose.h) and look for everything that the keyframes around
 //               know where it should show, twice
 //   4 doubt     enough, spread over the image; and is what should show there?
-// All matches of all features are compared: a vocabulary's direct index would spare most of the
-// 4 ms that takes and a third of the true matches.
+// All descriptors are compared with all, some 3 ms for a place: a vocabulary's direct index would
+// spare most of that and lose a third of the true matches.
 #pragma once
 
 #include <cstdint>

@@ -442,6 +442,37 @@ TEST(Tracker, StartsNothingNewForAServerThatDoesNotAnswer) {
   for (int i = 0; i < 150; ++i) EXPECT_EQ(run.step_elsewhere().state, TrackingState::kLost);
 }
 
+// A single camera can't start at its first frame; in a map that somebody has made it can.
+TEST(Tracker, BeginsInTheServersMapWhereItCannotStartAlone) {
+  Rig rig = *testing::test_rig();
+  rig.sensor = Sensor::kMono;
+  rig.camera.baseline = 0;
+  Walk run{std::make_shared<const Rig>(rig)};
+  MapUpdate update;
+  update.map = {1};
+  update.revision = 1;
+  update.epoch = 99;
+  run.tracker.apply(update);
+  const auto look = [&](const Rigid3& pose) {
+    Features features = run.world.view(*run.rig, pose, 0.3, 10);
+    for (Feature& f : features.points) f.disparity = 0;
+    return run.tracker.track(run.stamp += kFrameNs, std::move(features));
+  };
+  const TrackingResult first = look(wander(1));
+  ASSERT_EQ(first.state, TrackingState::kStarting);
+  ASSERT_TRUE(first.question);
+  const Server server;
+  const TrackingResult found = run.tracker.take(server.answer(run, *first.question, wander(1)));
+  ASSERT_EQ(found.state, TrackingState::kTracking);
+  ASSERT_TRUE(found.keyframe);
+  EXPECT_EQ(found.keyframe->id, (KeyframeId{99, 0}));
+  EXPECT_EQ(found.keyframe->reference, server.reference);
+  const TrackingResult next = look(wander(1.03));
+  ASSERT_EQ(next.state, TrackingState::kTracking);
+  const Rigid3 truth = server.map_from_world * wander(1.03);
+  EXPECT_LT((next.map_from_camera.translation - truth.translation).norm(), 0.02);
+}
+
 TEST(Tracker, TimeInTheDarkDoesNotMakeItStartAnew) {
   LostWalk run;
   for (int i = 0; i < 300; ++i) EXPECT_EQ(run.blind().state, TrackingState::kLost);
