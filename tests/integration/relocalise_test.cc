@@ -59,7 +59,8 @@ std::string spec(const synthetic::SequenceOptions& o) {
   return "synth:" + o.scene + "?frames=" + std::to_string(o.frames) +
          "&path=" + std::to_string(o.path) + "&start=" + std::to_string(o.start_s) +
          "&black=" + std::to_string(o.black_from) + "-" + std::to_string(o.black_until) +
-         "&jump=" + std::to_string(o.jump_at) + ":" + std::to_string(o.jump_s);
+         "&jump=" + std::to_string(o.jump_at) + ":" + std::to_string(o.jump_s) +
+         (o.sensor == Sensor::kMono ? "&sensor=mono" : "");
 }
 
 // Ten seconds along the far side of the hall.
@@ -110,14 +111,24 @@ TEST(Relocalise, WhoComesLaterIsInTheFrameOfTheMapThatWasLoaded) {
   ASSERT_EQ(server->wait(seconds(30)), 0) << server->err();
 
   server = deployment.server({"--map", map});
-  const synthetic::SequenceOptions way{.scene = "hall", .path = 1, .frames = 150, .start_s = 21};
+  Joint joint;
+  joint.add(kFarSide, of_alice);  // written before the others came: alice's frame
+  synthetic::SequenceOptions way{.scene = "hall", .path = 1, .frames = 150, .start_s = 21};
   const std::string of_bob = deployment.file("bob.tum").string();
   const auto bob = deployment.client("bob", spec(way), {"--max-rate", "--trajectory", of_bob});
   ASSERT_EQ(bob->wait(seconds(120)), 0) << bob->err();
   EXPECT_EQ(bob->reported("tracked"), 150);
-  Joint joint;
-  joint.add(kFarSide, of_alice);  // written before bob came: alice's frame
   joint.add(way, of_bob);
+
+  // A single camera has no scale of its own: it begins with being found.
+  way.sensor = Sensor::kMono;
+  const std::string of_carol = deployment.file("carol.tum").string();
+  const auto carol =
+      deployment.client("carol", spec(way), {"--max-rate", "--trajectory", of_carol});
+  ASSERT_EQ(carol->wait(seconds(120)), 0) << carol->err();
+  EXPECT_NE(carol->err().find("found by the server"), std::string::npos) << carol->err();
+  EXPECT_GT(carol->reported("tracked"), 130);
+  joint.add(way, of_carol);
   EXPECT_LT(joint.ate(), 0.02);
 }
 
