@@ -53,6 +53,7 @@ class Session {
  private:
   Status open();
   Status process(const Frame& frame);
+  void meet_server();
   void look_after_link();
   void take_corrections(nanoseconds at_most);
   void take_answer(const RelocaliseAnswer& answer);
@@ -123,10 +124,21 @@ Status Session::open() {
   return {};
 }
 
+// Without depth a map can't start at the first frame, but the camera may begin in the server's.
+// Where frames don't come by the clock there is time to hear of it.
+void Session::meet_server() {
+  const bool can_wait = options_.lockstep || options_.max_rate;
+  if (options_.no_server || !can_wait || source_->camera().sensor != Sensor::kMono) return;
+  const auto deadline = Clock::now() + kAnswerPatience;
+  while (tracker_->map().id() == MapId{} && !stop_.stop_requested() && Clock::now() < deadline)
+    take_corrections(kLinkCheck);
+}
+
 void Session::look_after_link() {
   const LinkStats link = link_->stats();
   const auto now = Clock::now();
   if (link.connected) in_touch_ = now;
+  tracker_->set_in_touch(link.connected);
   tracker_->set_has_server(!options_.no_server &&
                            now - std::max(started_, link.heard) < kAnswerGrace);
 }
@@ -285,6 +297,7 @@ Status Session::finish() {
 
 Result<SessionReport> Session::run() {
   if (Status s = open(); !s) return s.error();
+  meet_server();
   Pacer pacer(*source_, !options_.max_rate && !options_.lockstep);
   std::optional<Clock::time_point> start;
   std::int64_t first_stamp = 0, last_stamp = 0;

@@ -115,7 +115,7 @@ bool Tracker::give_up(const TrackedFrame& frame) {
 }
 
 void Tracker::ask_about(std::unique_ptr<TrackedFrame> frame, TrackingResult& result) {
-  if (!has_server_ || !lost_.wants_to_ask()) return;
+  if (!has_server_ || !in_touch_ || !lost_.wants_to_ask()) return;
   auto question = std::make_shared<Keyframe>();
   question->id = {epoch_, ++questions_};
   question->stamp_ns = frame->stamp_ns;

@@ -72,8 +72,9 @@ class Tracker {
   // Stamps must ascend.
   TrackingResult track(std::int64_t stamp_ns, Features features);
 
-  // The server's answer to the latest question, between frames. Where it holds the frame asked about
-  // is tracked and becomes a keyframe, the next frame is tracked from it; otherwise nothing changes.
+  // The server's answer to the latest question, between frames. Where it holds the frame asked
+  // about is tracked and becomes a keyframe, the next frame is tracked from it; otherwise nothing
+  // changes.
   TrackingResult take(const RelocaliseAnswer& answer);
   // Whether the answer to the latest question would still help.
   bool awaits_answer() const { return asked_ != nullptr; }
@@ -86,6 +87,8 @@ class Tracker {
   // Without a server nobody maps keyframes, and the policy need not wait for anyone. May change at
   // any time; keyframes go on to be counted as unmapped.
   void set_has_server(bool has_server) { has_server_ = has_server; }
+  // Whether a question would reach it now.
+  void set_in_touch(bool in_touch) { in_touch_ = in_touch; }
   // Keyframes before `sequence` will not be mapped any more: their map is lost.
   void write_off(std::uint32_t sequence) {
     mapped_keyframes_ = std::max(mapped_keyframes_, sequence);
@@ -145,7 +148,7 @@ class Tracker {
   std::uint32_t merge_epoch_ = 0;                  // of the map, as the last update has told
   std::uint32_t next_sequence_ = 0;
   std::uint32_t mapped_keyframes_ = 0;
-  bool has_server_ = true;
+  bool has_server_ = true, in_touch_ = true;
 };
 
 }  // namespace cairn

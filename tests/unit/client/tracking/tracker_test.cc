@@ -337,6 +337,14 @@ TEST(Tracker, AsksNobodyWhereThereIsNoServer) {
   }
 }
 
+TEST(Tracker, AsksAsSoonAsItIsInTouchAgain) {
+  LostWalk run;
+  run.tracker.set_in_touch(false);
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(run.step_elsewhere().question);
+  run.tracker.set_in_touch(true);
+  EXPECT_TRUE(run.step_elsewhere().question);
+}
+
 TEST(Tracker, GoesOnWhereTheServerHasFoundIt) {
   LostWalk run;
   const Keyframe question = run.asked();
