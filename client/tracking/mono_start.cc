@@ -15,14 +15,20 @@ namespace {
 
 constexpr std::size_t kMaxSeen = 240;    // images kept; beyond, every second one is let go
 constexpr std::size_t kMaxAdjusted = 8;  // images in the adjustment, the reference apart
-constexpr int kFirstSteps = 8, kLastSteps = 12;
+constexpr int kSettleSteps = 6, kFirstSteps = 8, kLastSteps = 12;
+constexpr double kLooseChi2 = 50;  // for motions that are not settled yet
 constexpr int kTurnSteps = 8;
 constexpr double kLeastBeyondTurn = 1;  // standard deviations
-constexpr double kKeepShare = 0.75;  // motions with so much of the best one's points are adjusted
-// Of a point's depth: to be adjusted, and to become a landmark. Wide, as features lie within half a
-// standard deviation here and the adjustment has more than two views.
-constexpr double kMaxRelativeSigma = 0.5, kLastRelativeSigma = 0.4;
-constexpr double kSameTurn = 0.02, kSameWay = 0.15;  // radians
+// Of two images alone: motions that explain them so much worse than the best one are out, and so
+// are all but the best few.
+constexpr double kMaxSettledScore = 2.5;
+constexpr std::size_t kMaxSettled = 4;
+// Of the depth of a point that becomes a landmark. Wide, as features lie within half a standard
+// deviation here and the adjustment has more than two views.
+constexpr double kMaxRelativeSigma = 0.4;
+constexpr double kFar = 1000;  // in ways that the camera has gone: as good as infinitely far
+constexpr double kSteadyCosine = 0.966;             // 15 degrees
+constexpr double kSameTurn = 0.03, kSameWay = 0.3;  // radians
 
 }  // namespace
 
@@ -55,7 +61,9 @@ class MonoStart::Attempt {
     Rigid3 latest_from_reference;
     std::vector<std::size_t> points;  // indices into the latest image's sights
     SmallBundle bundle;               // points in the same order
-    double cost = 0;                  // a sight's, in the end
+    double cost = 0;                  // a sight's squared error, in variances
+    double score =
+        0;  // the same a track, those that are not explained at the bound: less is better
   };
 
   std::optional<Solution> explain() const {
@@ -63,22 +71,15 @@ class MonoStart::Attempt {
     std::vector<Solution> candidates = plausible();
     if (candidates.empty()) return std::nullopt;
     for (Solution& s : candidates) adjust(s);
-    std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) {
-      return std::pair(b.points.size(), a.cost) < std::pair(a.points.size(), b.cost);
-    });
-    // The points count most; of about as many, the better explained.
-    std::size_t best = 0;
-    for (std::size_t i = 1; i < candidates.size(); ++i)
-      if (static_cast<double>(candidates[i].points.size()) >
-              options_.max_rival * static_cast<double>(candidates[0].points.size()) &&
-          candidates[i].cost < candidates[best].cost)
-        best = i;
-    Solution chosen = candidates[best];
+    const Solution& chosen = *std::min_element(candidates.begin(), candidates.end(), is_better);
+    const Eigen::Vector3d way = chosen.latest_from_reference.inverse().origin().normalized();
     log::debug(
         "mono start: {} images, {} tracks, {} points, parallax {:.2f} deg, cost {:.3f}, {:.2f} "
-        "beyond a turn, {} explanations",
+        "beyond "
+        "a turn, {} explanations, t {:.2f} {:.2f} {:.2f}",
         seen_.size() + 1, latest_.sights.size(), chosen.points.size(),
-        parallax(chosen) * 180 / M_PI, chosen.cost, median_beyond_turn(chosen), candidates.size());
+        parallax(chosen) * 180 / M_PI, chosen.cost, median_beyond_turn(chosen), candidates.size(),
+        way.x(), way.y(), way.z());
     if (!is_enough(chosen)) return std::nullopt;
     for (const Solution& other : candidates)
       if (is_rival(other, chosen)) return std::nullopt;
@@ -86,6 +87,15 @@ class MonoStart::Attempt {
   }
 
  private:
+  static bool is_better(const Solution& a, const Solution& b) { return a.score < b.score; }
+
+  void set_score(Solution& s, double total_cost) const {
+    const auto tracks = static_cast<double>(latest_.sights.size());
+    const auto points = static_cast<double>(s.points.size());
+    s.cost = total_cost / std::max<double>(1, static_cast<double>(s.bundle.sights.size()));
+    s.score = (points * s.cost + (tracks - points) * kChi2TwoDof) / tracks;
+  }
+
   double median_motion() const {
     std::vector<double> motion;
     for (const auto& s : latest_.sights)
@@ -99,48 +109,99 @@ class MonoStart::Attempt {
     return {&rig_, nullptr, latest_from_reference};
   }
 
-  // Motions by how many points follow from each; the best few.
+  // What may explain the image, the best first.
   std::vector<Solution> plausible() const {
     std::vector<PixelPair> pairs;
     for (const auto& s : latest_.sights)
       pairs.push_back({reference_.points[s.track.reference].pixel(), s.feature.pixel()});
     std::vector<Solution> solutions;
-    std::size_t most = 0;
-    for (const Rigid3& motion : motion_hypotheses(rig_.camera, pairs)) {
-      Solution s{motion, {}, {}, 0};
-      triangulate(s);
-      most = std::max(most, s.points.size());
-      solutions.push_back(std::move(s));
-    }
-    const double enough =
-        std::max<double>(options_.min_points, kKeepShare * static_cast<double>(most));
-    std::erase_if(solutions,
-                  [&](const Solution& s) { return static_cast<double>(s.points.size()) < enough; });
-    std::stable_sort(solutions.begin(), solutions.end(), [](const auto& a, const auto& b) {
-      return a.points.size() > b.points.size();
-    });
+    add_settled(motion_hypotheses(rig_.camera, pairs), solutions);
+    // A plane seen twice has two explanations, and what is nearly one has two that come near.
+    if (!solutions.empty())
+      add_settled(
+          planar_motions(solutions.front().latest_from_reference, plane_of(solutions.front())),
+          solutions);
     return solutions;
   }
 
-  std::optional<Eigen::Vector3d> point_of(const Seen::Sight& s, const Rigid3& motion,
-                                          double max_sigma) const {
-    const Feature& before = reference_.points[s.track.reference];
-    const View a = reference_view(), b = latest_view(motion);
-    const auto point = triangulate_two_views(a, before, b, s.feature);
-    if (!point || point->relative_sigma > max_sigma) return std::nullopt;
-    if (reprojection_chi2(a, before, point->position) > kChi2TwoDof ||
-        reprojection_chi2(b, s.feature, point->position) > kChi2TwoDof)
-      return std::nullopt;
-    return point->position;
+  // Motions made to fit the two images as well as they can, each once; keeps the few best.
+  void add_settled(const std::vector<Rigid3>& motions, std::vector<Solution>& solutions) const {
+    for (const Rigid3& motion : motions) {
+      Solution s{motion, {}, {}, 0, 0};
+      if (!settle(s)) continue;
+      const bool known =
+          std::any_of(solutions.begin(), solutions.end(), [&](const Solution& other) {
+            return is_same(s.latest_from_reference, other.latest_from_reference, 0.3);
+          });
+      if (!known) solutions.push_back(std::move(s));
+    }
+    std::stable_sort(solutions.begin(), solutions.end(), is_better);
+    std::erase_if(solutions, [&](const Solution& s) {
+      return s.score > kMaxSettledScore * solutions.front().score;
+    });
+    if (solutions.size() > kMaxSettled) solutions.resize(kMaxSettled);
   }
 
-  void triangulate(Solution& s) const {
+  // False when too little follows from the motion.
+  bool settle(Solution& s) const {
+    triangulate(s, kLooseChi2);
+    if (static_cast<int>(s.points.size()) < options_.min_points) return false;
+    s.bundle.camera_from_map = {Rigid3(), s.latest_from_reference};
+    s.bundle.sights.clear();
+    for (std::size_t p = 0; p < s.points.size(); ++p) {
+      const Seen::Sight& sight = latest_.sights[s.points[p]];
+      add_sight(s.bundle, 0, p, reference_.points[sight.track.reference]);
+      add_sight(s.bundle, 1, p, sight.feature);
+    }
+    set_score(s, solve_small_bundle(rig_.camera, s.bundle, kSettleSteps));
+    s.latest_from_reference = s.bundle.camera_from_map.back();
+    s.latest_from_reference.translation.normalize();
+    triangulate(s, kChi2TwoDof);
+    return static_cast<int>(s.points.size()) >= options_.min_points;
+  }
+
+  // n with n * p = 1 for the points of the plane that most of them are about on.
+  static Eigen::Vector3d plane_of(const Solution& s) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : s.bundle.points) {
+      const Eigen::Vector3d ray = p / p.z();
+      sum += ray * ray.transpose();
+      right += ray / p.z();
+    }
+    return sum.ldlt().solve(right);
+  }
+
+  struct Explained {
+    Eigen::Vector3d position;
+    bool is_certain = false;  // how far it is
+  };
+
+  // The point that a track follows from; nothing when the motion contradicts it. What shows too
+  // little parallax to tell how far it is contradicts nothing.
+  std::optional<Explained> explain(const Seen::Sight& s, const Rigid3& motion,
+                                   double max_chi2) const {
+    const Feature& before = reference_.points[s.track.reference];
+    const View a = reference_view(), b = latest_view(motion);
+    const auto fits = [&](const Eigen::Vector3d& p) {
+      return reprojection_chi2(a, before, p) <= max_chi2 &&
+             reprojection_chi2(b, s.feature, p) <= max_chi2;
+    };
+    const auto point = triangulate_two_views(a, before, b, s.feature);
+    if (point && fits(point->position))
+      return Explained{point->position, point->relative_sigma <= kMaxRelativeSigma};
+    const Eigen::Vector3d far = rig_.camera.unproject(before.pixel(), kFar);
+    if (fits(far)) return Explained{far, false};
+    return std::nullopt;
+  }
+
+  void triangulate(Solution& s, double max_chi2) const {
     s.points.clear();
     s.bundle.points.clear();
     for (std::size_t i = 0; i < latest_.sights.size(); ++i)
-      if (const auto p = point_of(latest_.sights[i], s.latest_from_reference, kMaxRelativeSigma)) {
+      if (const auto p = explain(latest_.sights[i], s.latest_from_reference, max_chi2)) {
         s.points.push_back(i);
-        s.bundle.points.push_back(*p);
+        s.bundle.points.push_back(p->position);
       }
   }
 
@@ -173,8 +234,7 @@ class MonoStart::Attempt {
     }
     solve_small_bundle(rig_.camera, s.bundle, kFirstSteps);
     drop_outliers(s);
-    const double cost = solve_small_bundle(rig_.camera, s.bundle, kLastSteps);
-    s.cost = cost / std::max<double>(1, static_cast<double>(s.bundle.sights.size()));
+    set_score(s, solve_small_bundle(rig_.camera, s.bundle, kLastSteps));
     s.latest_from_reference = s.bundle.camera_from_map.back();
     drop_outliers(s);
   }
@@ -228,9 +288,13 @@ class MonoStart::Attempt {
         static_cast<double>(s.points.size()) <
             options_.min_share * static_cast<double>(latest_.sights.size()))
       return false;
+    return parallax(s) >= options_.min_parallax && !could_be_turn(s);
+  }
+
+  bool could_be_turn(const Solution& s) const {
     const double beyond_turn = median_beyond_turn(s);
-    return parallax(s) >= options_.min_parallax && beyond_turn >= kLeastBeyondTurn &&
-           beyond_turn >= options_.min_beyond_turn * std::sqrt(s.cost);
+    return beyond_turn < kLeastBeyondTurn ||
+           beyond_turn < options_.min_beyond_turn * std::sqrt(s.cost);
   }
 
   // How far pixels are, in the median and in standard deviations, from where a camera that only
@@ -279,36 +343,42 @@ class MonoStart::Attempt {
     return *at;
   }
 
-  // Explains nearly as much about as well, and is another motion.
+  // Explains about as much and is another motion.
   bool is_rival(const Solution& other, const Solution& chosen) const {
-    if (static_cast<double>(other.points.size()) <
-            options_.max_rival * static_cast<double>(chosen.points.size()) ||
-        other.cost > options_.min_rival_cost * chosen.cost)
-      return false;
-    const Rigid3 &a = other.latest_from_reference, &b = chosen.latest_from_reference;
+    return other.score < options_.min_rival_score * chosen.score &&
+           !is_same(other.latest_from_reference, chosen.latest_from_reference, 1);
+  }
+
+  // Whether two motions differ by less than `tolerance` times what makes them different.
+  static bool is_same(const Rigid3& a, const Rigid3& b, double tolerance) {
     const double cosine = a.translation.normalized().dot(b.translation.normalized());
-    return a.rotation.angularDistance(b.rotation) > kSameTurn ||
-           std::acos(std::clamp(cosine, -1.0, 1.0)) > kSameWay;
+    return a.rotation.angularDistance(b.rotation) < tolerance * kSameTurn &&
+           std::acos(std::clamp(cosine, -1.0, 1.0)) < tolerance * kSameWay;
   }
 
  public:
   // In the map's unit, with what is certain enough to track by.
   StartMap start_map(const Solution& s, std::int64_t reference_stamp_ns) const {
+    std::vector<std::size_t> certain;
+    for (std::size_t p = 0; p < s.points.size(); ++p) {
+      const auto point = explain(latest_.sights[s.points[p]], s.latest_from_reference, kChi2TwoDof);
+      if (point && point->is_certain) certain.push_back(p);
+    }
+    StartMap map{reference_stamp_ns, reference_, {}, {}};
+    if (certain.empty()) return map;
     std::vector<double> depths;
-    for (const Eigen::Vector3d& p : s.bundle.points) depths.push_back(p.z());
+    for (const std::size_t p : certain) depths.push_back(s.bundle.points[p].z());
     std::nth_element(depths.begin(), depths.begin() + std::ssize(depths) / 2, depths.end());
     const double scale = options_.median_depth / depths[depths.size() / 2];
 
-    StartMap map{reference_stamp_ns, reference_, {}, {}};
     for (const Seen& image : seen_) {
       Rigid3 pose = &image == &latest_ ? s.latest_from_reference.inverse()
                                        : solve_image(image, s).map_from_camera;
       pose.translation *= scale;
       map.poses.push_back({image.stamp_ns, pose});
     }
-    for (std::size_t p = 0; p < s.points.size(); ++p) {
+    for (const std::size_t p : certain) {
       const Seen::Sight& sight = latest_.sights[s.points[p]];
-      if (!point_of(sight, s.latest_from_reference, kLastRelativeSigma)) continue;
       map.points.push_back(
           {sight.track.reference, sight.track.feature, scale * s.bundle.points[p]});
     }
@@ -335,6 +405,7 @@ void MonoStart::begin(std::int64_t stamp_ns, const Features& features) {
   if (static_cast<int>(features.size()) < options_.min_features) return;
   reference_stamp_ns_ = stamp_ns;
   tracks_.emplace(features);
+  ways_.clear();
 }
 
 // A camera that stands still for minutes must not fill the memory.
@@ -343,6 +414,13 @@ void MonoStart::thin_out() {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < seen_.size(); i += 2) seen_[kept++] = std::move(seen_[i]);
   seen_.resize(kept);
+}
+
+// A wrong explanation is another one with every image.
+bool MonoStart::is_steady(const Eigen::Vector3d& way) {
+  std::erase_if(ways_, [&](const Eigen::Vector3d& w) { return w.dot(way) < kSteadyCosine; });
+  ways_.push_back(way);
+  return std::ssize(ways_) >= options_.steady_images;
 }
 
 std::optional<StartMap> MonoStart::add(std::int64_t stamp_ns, const Features& features,
@@ -362,7 +440,12 @@ std::optional<StartMap> MonoStart::add(std::int64_t stamp_ns, const Features& fe
 
   const Attempt attempt(*rig_, options_, tracks_->reference(), seen_);
   const auto solution = attempt.explain();
-  if (!solution) return std::nullopt;
+  if (!solution) {
+    ways_.clear();
+    return std::nullopt;
+  }
+  if (!is_steady(solution->latest_from_reference.inverse().origin().normalized()))
+    return std::nullopt;
   StartMap map = attempt.start_map(*solution, reference_stamp_ns_);
   if (static_cast<int>(map.points.size()) < options_.min_points) return std::nullopt;
   return map;

@@ -11,7 +11,7 @@
 //                features: what two views leave open (a plane seen twice has two explanations),
 //                more of them decide (small_bundle.h)
 //   doubt        start only on enough points, enough parallax, and one explanation that is clearly
-//                the best
+//                the best and stays the same from image to image
 //
 // After the ORB-SLAM paper (Mur-Artal et al. 2015, section IV); choosing the model by the points
 // that follow from it, and the adjustment over all images, are Cairn's own.
@@ -34,7 +34,7 @@ struct MonoStartOptions {
   int min_tracks = 50;
   // Points that the map must start with, and the share of the followed features that they make.
   int min_points = 40;
-  double min_share = 0.6;
+  double min_share = 0.75;
   // Angle (radians) between the rays to a point that so many points must exceed: half of them, or
   // this many if that is less.
   double min_parallax = 0.0175;
@@ -42,10 +42,11 @@ struct MonoStartOptions {
   // How far the features must be, in the median, from where a camera that only turned would see
   // them: so many times what the explanation leaves unexplained. What is nearer could be a turn
   // through a lens that is not quite as calibrated.
-  double min_beyond_turn = 7.5;
-  // Another motion must explain fewer points than this share of the best one's, or explain them
-  // this many times worse.
-  double max_rival = 0.9, min_rival_cost = 1.3;
+  double min_beyond_turn = 3.5;
+  // Images in a row that must tell of the same way.
+  int steady_images = 3;
+  // Another motion must explain the tracks so many times worse.
+  double min_rival_score = 1.3;
   // What the median depth in the reference is called, in the map's unit: about a room's in metres,
   // for which thresholds are made.
   double median_depth = 2;
@@ -85,12 +86,14 @@ class MonoStart {
 
   void begin(std::int64_t stamp_ns, const Features& features);
   void thin_out();
+  bool is_steady(const Eigen::Vector3d& way);
 
   std::shared_ptr<const Rig> rig_;
   MonoStartOptions options_;
   std::int64_t reference_stamp_ns_ = 0;
   std::optional<StartTracks> tracks_;
-  std::vector<Seen> seen_;  // images since the reference
+  std::vector<Seen> seen_;             // images since the reference
+  std::vector<Eigen::Vector3d> ways_;  // to the latest images in a row, unit length
 };
 
 }  // namespace cairn

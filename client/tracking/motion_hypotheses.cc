@@ -5,6 +5,8 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "common/util/log.h"
+
 namespace cairn {
 namespace {
 
@@ -49,16 +51,24 @@ void add_from_essential(const std::vector<cv::Point2d>& a, const std::vector<cv:
   }
 }
 
-void add_from_homography(const std::vector<cv::Point2d>& a, const std::vector<cv::Point2d>& b,
-                         const cv::Matx33d& k, std::vector<Rigid3>& motions) {
-  cv::Mat mask;
-  const cv::Mat homography = cv::findHomography(a, b, mask, usac(2));
-  if (homography.rows != 3 || homography.cols != 3) return;
+void take_apart(const cv::Mat& homography, const cv::Matx33d& k, std::vector<Rigid3>& motions) {
   std::vector<cv::Mat> rotations, translations, normals;
   cv::decomposeHomographyMat(homography, k, rotations, translations, normals);
   for (std::size_t i = 0; i < rotations.size(); ++i)
     if (cv::norm(translations[i]) > kLeastMotion)
       motions.push_back(motion_of(rotations[i], translations[i]));
+}
+
+void add_from_homography(const std::vector<cv::Point2d>& a, const std::vector<cv::Point2d>& b,
+                         const cv::Matx33d& k, std::vector<Rigid3>& motions) {
+  cv::Mat mask;
+  const cv::Mat homography = cv::findHomography(a, b, mask, usac(2));
+  if (homography.rows != 3 || homography.cols != 3) return;
+  take_apart(homography, k, motions);
+}
+
+void erase_broken(std::vector<Rigid3>& motions) {
+  std::erase_if(motions, [](const Rigid3& m) { return !m.is_finite(); });
 }
 
 }  // namespace
@@ -75,15 +85,28 @@ std::vector<Rigid3> motion_hypotheses(const PinholeCamera& camera,
   }
   const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
   // Degenerate pairs, such as all on one line, make OpenCV throw.
+  for (const auto add : {add_from_essential, add_from_homography}) try {
+      add(a, b, k, motions);
+    } catch (const cv::Exception& e) {
+      log::debug("motion hypotheses: {}", e.what());
+    }
+  erase_broken(motions);
+  return motions;
+}
+
+std::vector<Rigid3> planar_motions(const Rigid3& b_from_a, const Eigen::Vector3d& plane) {
+  const Eigen::Matrix3d h =
+      b_from_a.rotation.toRotationMatrix() + b_from_a.translation * plane.transpose();
+  cv::Mat homography(3, 3, CV_64F);
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column) homography.at<double>(row, column) = h(row, column);
+  std::vector<Rigid3> motions;
   try {
-    add_from_essential(a, b, k, motions);
-  } catch (const cv::Exception&) {
+    take_apart(homography, cv::Matx33d::eye(), motions);
+  } catch (const cv::Exception& e) {
+    log::debug("planar motions: {}", e.what());
   }
-  try {
-    add_from_homography(a, b, k, motions);
-  } catch (const cv::Exception&) {
-  }
-  std::erase_if(motions, [](const Rigid3& m) { return !m.is_finite(); });
+  erase_broken(motions);
   return motions;
 }
 

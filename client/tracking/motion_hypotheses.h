@@ -21,4 +21,8 @@ struct PixelPair {
 std::vector<Rigid3> motion_hypotheses(const PinholeCamera& camera,
                                       std::span<const PixelPair> pairs);
 
+// The motions that move the points of a plane, n * p = 1, as `b_from_a` does in the images: that
+// one and its dual, where the way and the plane's normal have changed places, each with both signs.
+std::vector<Rigid3> planar_motions(const Rigid3& b_from_a, const Eigen::Vector3d& plane);
+
 }  // namespace cairn

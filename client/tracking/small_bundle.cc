@@ -87,41 +87,54 @@ System linearise(const PinholeCamera& camera, const SmallBundle& bundle) {
   return s;
 }
 
-// One step of Levenberg-Marquardt from `bundle`.
-SmallBundle stepped(const SmallBundle& bundle, const System& s, double lambda) {
-  const auto free_poses = static_cast<Eigen::Index>(bundle.camera_from_map.size()) - 1;
-  Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(6 * free_poses, 6 * free_poses);
-  Eigen::VectorXd right = Eigen::VectorXd::Zero(6 * free_poses);
-  const auto row = [](const SmallBundle::Sight& sight) {
-    return 6 * (static_cast<Eigen::Index>(sight.view) - 1);
-  };
-  for (Eigen::Index v = 0; v < free_poses; ++v) {
-    const auto view = static_cast<std::size_t>(v + 1);
+// The system of the poses alone, the points eliminated; damped by `lambda`.
+struct Reduced {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  std::vector<Eigen::Matrix3d> inverse;  // of each point's block
+};
+
+// Of a sight's view in the reduced system.
+Eigen::Index row(std::uint32_t view) {
+  return 6 * (static_cast<Eigen::Index>(view) - 1);
+}
+
+Reduced eliminate_points(const SmallBundle& bundle, const System& s, double lambda) {
+  const auto views = static_cast<std::uint32_t>(bundle.camera_from_map.size());
+  Reduced r{Eigen::MatrixXd::Zero(row(views), row(views)), Eigen::VectorXd::Zero(row(views)),
+            std::vector<Eigen::Matrix3d>(bundle.points.size(), Eigen::Matrix3d::Zero())};
+  for (std::uint32_t view = 1; view < views; ++view) {
     Matrix6 damped = s.by_pose[view];
     damped.diagonal() *= 1 + lambda;
     damped.diagonal().array() += 1e-9;
-    reduced.block<6, 6>(6 * v, 6 * v) = damped;
-    right.segment<6>(6 * v) = -s.pose_gradient[view];
+    r.matrix.block<6, 6>(row(view), row(view)) = damped;
+    r.right.segment<6>(row(view)) = -s.pose_gradient[view];
   }
-  std::vector<Eigen::Matrix3d> inverse(bundle.points.size());
   for (std::size_t first = 0, end = 0; first < bundle.sights.size(); first = end) {
     const std::uint32_t p = bundle.sights[first].point;
     while (end < bundle.sights.size() && bundle.sights[end].point == p) ++end;
     Eigen::Matrix3d damped = s.by_point[p];
     damped.diagonal() *= 1 + lambda;
     damped.diagonal().array() += 1e-9;
-    inverse[p] = damped.inverse();
+    r.inverse[p] = damped.inverse();
     for (std::size_t i = first; i < end; ++i) {
-      if (bundle.sights[i].view == 0) continue;
-      const Matrix63 carried = s.mixed[i] * inverse[p];
-      right.segment<6>(row(bundle.sights[i])) += carried * s.point_gradient[p];
+      const std::uint32_t view = bundle.sights[i].view;
+      if (view == 0) continue;
+      const Matrix63 carried = s.mixed[i] * r.inverse[p];
+      r.right.segment<6>(row(view)) += carried * s.point_gradient[p];
       for (std::size_t j = first; j < end; ++j)
         if (bundle.sights[j].view != 0)
-          reduced.block<6, 6>(row(bundle.sights[i]), row(bundle.sights[j])) -=
+          r.matrix.block<6, 6>(row(view), row(bundle.sights[j].view)) -=
               carried * s.mixed[j].transpose();
     }
   }
-  const Eigen::VectorXd step = reduced.ldlt().solve(right);
+  return r;
+}
+
+// One step of Levenberg-Marquardt from `bundle`.
+SmallBundle stepped(const SmallBundle& bundle, const System& s, double lambda) {
+  const Reduced reduced = eliminate_points(bundle, s, lambda);
+  const Eigen::VectorXd step = reduced.matrix.ldlt().solve(reduced.right);
 
   SmallBundle next = bundle;
   std::vector<Eigen::Vector3d> point_right(bundle.points.size());
@@ -129,14 +142,14 @@ SmallBundle stepped(const SmallBundle& bundle, const System& s, double lambda) {
   for (std::size_t i = 0; i < bundle.sights.size(); ++i)
     if (bundle.sights[i].view != 0)
       point_right[bundle.sights[i].point] -=
-          s.mixed[i].transpose() * step.segment<6>(row(bundle.sights[i]));
-  for (Eigen::Index v = 0; v < free_poses; ++v) {
-    Rigid3& pose = next.camera_from_map[static_cast<std::size_t>(v + 1)];
-    pose = perturbed(pose, step.segment<6>(6 * v));
+          s.mixed[i].transpose() * step.segment<6>(row(bundle.sights[i].view));
+  for (std::uint32_t view = 1; view < next.camera_from_map.size(); ++view)
+    next.camera_from_map[view] = perturbed(next.camera_from_map[view], step.segment<6>(row(view)));
+  // A point that is too far for its depth to be told must not cost everything else the step.
+  for (std::size_t p = 0; p < next.points.size(); ++p) {
+    const Eigen::Vector3d moved = bundle.points[p] + reduced.inverse[p] * point_right[p];
+    if ((next.camera_from_map[0] * moved).z() > kMinDepth) next.points[p] = moved;
   }
-  for (const auto& sight : bundle.sights)
-    next.points[sight.point] =
-        bundle.points[sight.point] + inverse[sight.point] * point_right[sight.point];
   return next;
 }
 
