@@ -9,8 +9,7 @@
 #include "server/optimize/global_ba.h"
 #include "server/optimize/local_ba.h"
 #include "server/optimize/pose_graph.h"
-#include "tests/bench/ring_world.h"
-#include "tests/unit/server/optimize/bare_ba.h"
+#include "tests/bench/ring_problem.h"
 #include "tests/unit/server/optimize/known_map.h"
 
 namespace cairn {
@@ -69,39 +68,16 @@ void global_ba(benchmark::State& state) {
 }
 BENCHMARK(global_ba)->Unit(benchmark::kSecond)->Iterations(1);
 
-// The same keyframes and landmarks as plain arrays.
-bare::Problem bare_problem(const RingWorld& world) {
-  bare::Problem problem;
-  const PinholeCamera& camera = world.map.keyframes.at(RingWorld::id(0)).rig().camera;
-  problem.fx = camera.fx;
-  problem.fy = camera.fy;
-  problem.cx = camera.cx;
-  problem.cy = camera.cy;
-  problem.fx_baseline = camera.fx * camera.baseline;
-  for (int k = 0; k < world.options.keyframes; ++k) {
-    const Rigid3& pose = world.map.keyframes.at(RingWorld::id(k)).map_from_camera;
-    for (int i = 0; i < 4; ++i) problem.rotations.push_back(pose.rotation.coeffs()[i]);
-    for (int i = 0; i < 3; ++i) problem.translations.push_back(pose.translation[i]);
-  }
-  for (const LandmarkId id : world.map.landmarks.sorted_keys()) {
-    const Landmark& landmark = world.map.landmarks.at(id);
-    const auto point = static_cast<std::uint32_t>(problem.points.size() / 3);
-    for (int i = 0; i < 3; ++i) problem.points.push_back(landmark.position[i]);
-    for (const Observation& o : landmark.observations) {
-      const Feature& f = world.map.keyframes.at(o.keyframe).features().points[o.feature];
-      problem.observations.push_back({o.keyframe.sequence, point, f.x, f.y, f.disparity});
-    }
-  }
-  return problem;
-}
-
+// range(0): 0 with automatic derivatives, 1 with analytic ones, so that what our data structures
+// cost is told apart from what the derivatives do.
 void global_ba_bare(benchmark::State& state) {
   const RingWorld& world = ring_world();
   const BundleOptions options = GlobalBaOptions{}.bundle;
   bare::Problem problem = bare_problem(world);
   bare::Summary summary;
   for (auto _ : state)
-    summary = bare::solve(problem, options.first_iterations, options.second_iterations,
+    summary = bare::solve(problem, static_cast<bare::Derivatives>(state.range(0)),
+                          options.first_iterations, options.second_iterations,
                           options.function_tolerance);
   state.counters["observations"] = static_cast<double>(problem.observations.size());
   state.counters["iterations"] = summary.iterations;
@@ -112,7 +88,12 @@ void global_ba_bare(benchmark::State& state) {
     return Rigid3{Eigen::Quaterniond::Identity(), {t[0], t[1], t[2]}};
   });
 }
-BENCHMARK(global_ba_bare)->Unit(benchmark::kSecond)->Iterations(1);
+BENCHMARK(global_ba_bare)
+    ->Unit(benchmark::kSecond)
+    ->Iterations(1)
+    ->ArgName("analytic")
+    ->Arg(0)
+    ->Arg(1);
 
 // A ring that has drifted apart by metres where it should close.
 void pose_graph(benchmark::State& state) {

@@ -21,18 +21,75 @@ struct Error {
   }
 };
 
+using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+Matrix3 cross_matrix(const Eigen::Vector3d& v) {
+  Matrix3 m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+// The same errors. With u = -(x y z) of the quaternion and d = point - translation, the point in
+// the camera is p = d + 2 w (u x d) + 2 u x (u x d).
+class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
+ public:
+  AnalyticError(const Problem* problem, const Observation* seen) : problem_(problem), seen_(seen) {}
+
+  bool Evaluate(double const* const* parameters, double* errors,
+                double** jacobians) const override {
+    const double w = parameters[0][3];
+    const Eigen::Vector3d u = -Eigen::Map<const Eigen::Vector3d>(parameters[0]);
+    const Eigen::Vector3d d = Eigen::Map<const Eigen::Vector3d>(parameters[2]) -
+                              Eigen::Map<const Eigen::Vector3d>(parameters[1]);
+    const Eigen::Vector3d ud = u.cross(d);
+    const Eigen::Vector3d p = d + 2 * w * ud + 2 * u.cross(ud);
+    const double fx = problem_->fx, fy = problem_->fy, inv_z = 1 / p.z();
+    errors[0] = fx * p.x() * inv_z + problem_->cx - seen_->u;
+    errors[1] = fy * p.y() * inv_z + problem_->cy - seen_->v;
+    errors[2] = problem_->fx_baseline * inv_z - seen_->disparity;
+    if (!jacobians) return true;
+
+    Matrix3 by_p;
+    by_p << fx * inv_z, 0, -fx * p.x() * inv_z * inv_z,  //
+        0, fy * inv_z, -fy * p.y() * inv_z * inv_z,      //
+        0, 0, -problem_->fx_baseline * inv_z * inv_z;
+    const Matrix3 cross_u = cross_matrix(u);
+    const Matrix3 turn = Matrix3::Identity() + 2 * w * cross_u + 2 * cross_u * cross_u;
+    if (jacobians[0]) {
+      Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> by_rotation(jacobians[0]);
+      const Matrix3 cross_d = cross_matrix(d);
+      by_rotation.leftCols<3>() =
+          by_p * (2 * w * cross_d + 2 * cross_matrix(ud) + 2 * cross_u * cross_d);
+      by_rotation.col(3) = by_p * (2 * ud);
+    }
+    if (jacobians[1]) Eigen::Map<Matrix3>(jacobians[1]) = -by_p * turn;
+    if (jacobians[2]) Eigen::Map<Matrix3>(jacobians[2]) = by_p * turn;
+    return true;
+  }
+
+ private:
+  const Problem* problem_;
+  const Observation* seen_;
+};
+
+ceres::CostFunction* make_cost(const Problem& problem, const Observation& seen,
+                               Derivatives derivatives) {
+  if (derivatives == Derivatives::kAnalytic) return new AnalyticError(&problem, &seen);
+  return new ceres::AutoDiffCostFunction<Error, 3, 4, 3, 3>(new Error{&problem, &seen});
+}
+
 }  // namespace
 
-Summary solve(Problem& problem, int first_iterations, int second_iterations,
-              double function_tolerance) {
+Summary solve(Problem& problem, Derivatives derivatives, int first_iterations,
+              int second_iterations, double function_tolerance) {
   Summary summary;
   for (const bool robust : {true, false}) {
     ceres::Problem ceres_problem;
     for (const Observation& seen : problem.observations)
       ceres_problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<Error, 3, 4, 3, 3>(new Error{&problem, &seen}),
-          robust ? new ceres::HuberLoss(2.7955) : nullptr, &problem.rotations[4 * seen.camera],
-          &problem.translations[3 * seen.camera], &problem.points[3 * seen.point]);
+          make_cost(problem, seen, derivatives), robust ? new ceres::HuberLoss(2.7955) : nullptr,
+          &problem.rotations[4 * seen.camera], &problem.translations[3 * seen.camera],
+          &problem.points[3 * seen.point]);
     for (std::size_t c = 0; 4 * c < problem.rotations.size(); ++c)
       ceres_problem.SetManifold(&problem.rotations[4 * c], new ceres::EigenQuaternionManifold);
     ceres_problem.SetParameterBlockConstant(problem.rotations.data());

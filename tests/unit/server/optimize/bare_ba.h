@@ -25,8 +25,11 @@ struct Summary {
   double initial_cost = 0, final_cost = 0;
 };
 
+// Where the derivatives come from: Ceres' dual numbers, or formulas written out by hand.
+enum class Derivatives { kAutomatic, kAnalytic };
+
 // Huber's loss, then least squares, each from where the former ended; the first camera is fixed.
-Summary solve(Problem& problem, int first_iterations, int second_iterations,
-              double function_tolerance);
+Summary solve(Problem& problem, Derivatives derivatives, int first_iterations,
+              int second_iterations, double function_tolerance);
 
 }  // namespace cairn::bare

@@ -1,0 +1,59 @@
+// Ours against a program of Ceres alone: the same problem must end at the same place.
+#include "tests/unit/server/optimize/bare_ba.h"
+
+#include <gtest/gtest.h>
+
+#include "server/optimize/global_ba.h"
+#include "tests/bench/ring_problem.h"
+
+namespace cairn {
+namespace {
+
+// Small enough for a test; no observation is an outlier, as the plain program knows none.
+const RingWorld& small_ring() {
+  static const RingWorld world({.keyframes = 30,
+                                .landmarks = 800,
+                                .rounds = 2,
+                                .sights = 6,
+                                .pixel_noise = 0.05,
+                                .turn_error = 0.002,
+                                .move_error = 0.01,
+                                .landmark_error = 0.02});
+  return world;
+}
+
+bare::Problem small_problem() {
+  return bare_problem(small_ring());
+}
+
+TEST(BareBa, AnalyticAndAutomaticDerivativesEndAlike) {
+  bare::Problem automatic = small_problem(), analytic = small_problem();
+  const auto a = bare::solve(automatic, bare::Derivatives::kAutomatic, 10, 20, 1e-8);
+  const auto b = bare::solve(analytic, bare::Derivatives::kAnalytic, 10, 20, 1e-8);
+  EXPECT_EQ(a.iterations, b.iterations);
+  EXPECT_NEAR(a.initial_cost, b.initial_cost, 1e-9 * a.initial_cost);
+  EXPECT_NEAR(a.final_cost, b.final_cost, 1e-6 * a.final_cost);
+  EXPECT_LT(b.final_cost, 0.01 * b.initial_cost);
+  for (std::size_t i = 0; i < automatic.translations.size(); ++i)
+    EXPECT_NEAR(automatic.translations[i], analytic.translations[i], 1e-6);
+}
+
+TEST(BareBa, OursEndsWhereThePlainProgramDoes) {
+  bare::Problem problem = small_problem();
+  const auto plain = bare::solve(problem, bare::Derivatives::kAnalytic, 20, 20, 1e-10);
+  GlobalBaOptions options;
+  options.bundle = {.first_iterations = 20, .second_iterations = 20, .function_tolerance = 1e-10};
+  GlobalBaSummary ours;
+  const MapDelta delta = solve_global_ba(small_ring().map, {}, options, &ours);
+  EXPECT_EQ(ours.outliers, 0);
+  EXPECT_NEAR(ours.final_cost, plain.final_cost, 1e-4 * plain.final_cost);
+  ASSERT_EQ(delta.poses.size(), 29u);
+  for (const auto& change : delta.poses) {
+    const double* t = &problem.translations[std::size_t{3} * change.keyframe.sequence];
+    EXPECT_LT((change.map_from_camera.translation - Eigen::Vector3d(t[0], t[1], t[2])).norm(),
+              1e-3);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
