@@ -26,6 +26,7 @@ class Process {
   Process& operator=(const Process&) = delete;
 
   void signal(int number);
+  int pid() const { return pid_; }
   // Exit code, or 128 + signal; nothing when it is still running after `timeout` times kTimeScale.
   std::optional<int> wait(std::chrono::seconds timeout);
   // Lets it run for exactly that long; false when it has ended by then.

@@ -1,0 +1,258 @@
+// ./dev bench swarm: how one server does with more and more clients.
+//
+// Clients walk through one synthetic scene, each on a way of its own. Their keyframes were recorded
+// beforehand and are replayed in real time through the real link, so that the machine's processors
+// are the server's: tracking for twelve cameras is no part of the load. For each number of clients
+// a fresh server runs with a map file, and a row says how exact the keyframes' poses are (each
+// client by itself, and all with one alignment), when the parts of the map were merged, what went
+// over the link, how long a keyframe's correction took and how many waited, and what the server
+// cost.
+#include <csignal>
+#include <cstdio>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <optional>
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <CLI/CLI.hpp>
+
+#include "server/storage/map_file.h"
+#include "server/tool/evaluation.h"
+#include "tests/bench/swarm/recorded_walk.h"
+#include "tests/bench/swarm/replayed_client.h"
+#include "tests/bench/swarm/server_usage.h"
+#include "tests/integration/process.h"
+#include "tests/support/loopback.h"
+#include "tests/support/temp_folder.h"
+
+namespace cairn::bench {
+namespace {
+
+using std::chrono::seconds;
+using std::chrono::system_clock;
+
+struct Arguments {
+  std::vector<int> clients{1, 2, 4, 8, 12};
+  std::string scene = "desk";
+  int frames = 600;
+  double keyframes_per_s = 3;
+  std::filesystem::path recordings = "build/bench/swarm";
+  std::string keep_log;  // empty: not kept
+};
+
+double quantile(std::vector<double> values, double share) {
+  if (values.empty()) return NAN;
+  std::sort(values.begin(), values.end());
+  const auto last = static_cast<double>(values.size() - 1);
+  return values[static_cast<std::size_t>(std::ceil(share * last))];
+}
+
+struct Outcome {
+  std::vector<ReplayResult> clients;
+  Usage usage;
+  double seconds = 0;
+  std::string log;
+  Map map;
+};
+
+// When the log first says that parts were merged.
+std::optional<system_clock::time_point> first_merge(const std::string& log) {
+  const auto at = log.find("parts merged");
+  if (at == std::string::npos) return std::nullopt;
+  const auto line = log.rfind('\n', at) + 1;
+  std::tm utc{};
+  if (!strptime(log.substr(line, 19).c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return std::nullopt;
+  return system_clock::from_time_t(timegm(&utc)) +
+         std::chrono::milliseconds(std::stoi(log.substr(line + 20, 3)));
+}
+
+// When two clients first had keyframes that show the same place: in the final map they share a
+// hundred landmarks.
+std::optional<system_clock::time_point> first_overlap(const Outcome& outcome) {
+  constexpr int kEnough = 100;
+  std::map<KeyframeId, system_clock::time_point> sent;
+  for (const ReplayResult& client : outcome.clients)
+    sent.insert(client.sent.begin(), client.sent.end());
+  std::optional<system_clock::time_point> first;
+  outcome.map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
+    for (const Covisible& c : node.covisible) {
+      if (c.shared < kEnough || c.keyframe.epoch == id.epoch) continue;
+      const auto both = std::max(sent.at(id), sent.at(c.keyframe));
+      if (!first || both < *first) first = both;
+    }
+  });
+  return first;
+}
+
+int merges_in(const std::string& log) {
+  int count = 0;
+  for (auto at = log.find("parts merged"); at != std::string::npos;
+       at = log.find("parts merged", at + 1))
+    ++count;
+  return count;
+}
+
+Result<Map> load_map(const std::string& path) {
+  Result<std::unique_ptr<MapFile>> file = MapFile::open(path);
+  if (!file) return file.error();
+  Result<std::optional<Map>> map = (*file)->load_map();
+  if (!map) return map.error();
+  if (!*map) return {ErrorCode::kInternal, "the server has saved no map"};
+  return std::move(**map);
+}
+
+Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<RecordedWalk>& walks) {
+  const synthetic::TempFolder folder;
+  const testing::Loopback net;
+  const auto node = net.node();
+  testing::Process server(std::string(CAIRN_BINARY_DIR) + "/cairn-server",
+                          {"--map", folder / "map.db", "--domain", std::to_string(node.domain)},
+                          {"CYCLONEDDS_URI=" + node.config}, folder / "server");
+  if (!server.wait_for_log("ready: ", seconds(60)))
+    return {ErrorCode::kUnavailable, "cairn-server does not start: " + server.err()};
+  std::vector<std::unique_ptr<ReplayedClient>> clients;
+  for (const RecordedWalk& walk : walks) {
+    auto client =
+        ReplayedClient::make(walk, arguments.keyframes_per_s, folder / walk.name, net.node());
+    if (!client) return client.error();
+    clients.push_back(std::move(*client));
+  }
+  std::this_thread::sleep_for(seconds(1));  // until they have found each other
+  const Usage before = usage_of(server.pid());
+  const auto started = std::chrono::steady_clock::now();
+  for (std::size_t i = 0; i < clients.size(); ++i)
+    clients[i]->start(std::chrono::nanoseconds(static_cast<std::int64_t>(
+        1e9 * static_cast<double>(i) /
+        (arguments.keyframes_per_s * static_cast<double>(clients.size())))));
+  Outcome outcome;
+  for (const auto& client : clients) outcome.clients.push_back(client->finish());
+  outcome.seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
+  outcome.usage = usage_of(server.pid());
+  outcome.usage.cpu_s -= before.cpu_s;
+  server.signal(SIGTERM);
+  if (server.wait(seconds(60)) != 0)
+    return {ErrorCode::kTimeout, "the server does not come to an end: " + server.err()};
+  outcome.log = server.err();
+  Result<Map> map = load_map(folder / "map.db");
+  if (!map) return map.error();
+  outcome.map = std::move(*map);
+  return outcome;
+}
+
+double rmse(const Result<Evaluation>& evaluation) {
+  return evaluation ? evaluation->ate.rmse : NAN;
+}
+
+struct Errors {
+  double least = INFINITY, most = 0, joint = NAN;  // ATE, metres
+};
+
+Errors errors_of(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
+  Errors errors;
+  std::vector<EvaluationInput> inputs;
+  for (std::size_t i = 0; i < walks.size(); ++i) {
+    inputs.push_back({&walks[i].truth, &outcome.clients[i].keyframes});
+    const double one = rmse(evaluate(walks[i].truth, outcome.clients[i].keyframes));
+    errors.least = std::min(errors.least, one);
+    errors.most = std::max(errors.most, one);
+  }
+  errors.joint = rmse(evaluate_joint(inputs));
+  return errors;
+}
+
+void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
+  const Errors errors = errors_of(outcome, walks);
+  std::vector<double> corrections;
+  double up = 0, down = 0, keyframes = 0;
+  std::size_t early = 0, late = 0;
+  bool settled = true;
+  for (const ReplayResult& client : outcome.clients) {
+    corrections.insert(corrections.end(), client.correction_ms.begin(), client.correction_ms.end());
+    up += static_cast<double>(client.link.bytes_up) / 1000 / client.seconds;
+    down += static_cast<double>(client.link.bytes_down) / 1000 / client.seconds;
+    keyframes += static_cast<double>(client.sent.size()) / client.seconds;
+    const auto middle =
+        client.backlog.begin() + static_cast<std::ptrdiff_t>(client.backlog.size() / 2);
+    early = std::max(early, *std::max_element(client.backlog.begin(), middle));
+    late = std::max(late, *std::max_element(middle, client.backlog.end()));
+    settled = settled && client.settled;
+  }
+  const auto count = static_cast<double>(walks.size());
+  const auto merged = first_merge(outcome.log);
+  const auto overlap = first_overlap(outcome);
+  const std::string merge_delay =
+      merged && overlap
+          ? fmt::format("{:.1f}", std::chrono::duration<double>(*merged - *overlap).count())
+          : "-";
+  fmt::print(
+      "| {} | {:.1f} | {} | {} | {:.4f}-{:.4f} | {:.4f} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | "
+      "{}, {} | {:.0f} | {:.0f} | {} |\n",
+      walks.size(), keyframes, merges_in(outcome.log), merge_delay, errors.least, errors.most,
+      errors.joint, up / count, down / count, quantile(corrections, 0.5),
+      quantile(corrections, 0.95), early, late, 100 * outcome.usage.cpu_s / outcome.seconds,
+      outcome.usage.memory_mb, settled ? "yes" : "no");
+}
+
+int fail(const std::string& message) {
+  fmt::print(stderr, "swarm: {}\n", message);
+  return 2;
+}
+
+int run(const Arguments& arguments) {
+  const int most = *std::max_element(arguments.clients.begin(), arguments.clients.end());
+  std::vector<RecordedWalk> walks;
+  for (int i = 0; i < most; ++i) {
+    fmt::print(stderr, "swarm: recording walk {} of {}\n", i + 1, most);
+    Result<RecordedWalk> walk = record_walk({.scene = arguments.scene,
+                                             .path = i,
+                                             .frames = arguments.frames,
+                                             .folder = arguments.recordings});
+    if (!walk) return fail(walk.message());
+    walks.push_back(std::move(*walk));
+  }
+  fmt::print(
+      "Scene {}, {} frames a client, replayed at {} keyframes a second each. ATE of the keyframes; "
+      "merged: seconds from the first overlap to the first merge; correction: from a keyframe sent "
+      "to the update that has it mapped; waiting: most of one client's keyframes in the first and "
+      "in the second half; CPU in percent of one processor.\n\n"
+      "| clients | keyframes/s | merges | merged s | ATE each m | joint m | up kB/s | down kB/s | "
+      "correction p50 ms | p95 | waiting | server CPU % | server MB | settled |\n"
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
+      arguments.scene, arguments.frames, arguments.keyframes_per_s);
+  for (const int count : arguments.clients) {
+    const std::vector<RecordedWalk> some(walks.begin(), walks.begin() + count);
+    const Result<Outcome> outcome = run_swarm(arguments, some);
+    if (!outcome) return fail(outcome.message());
+    tell(*outcome, some);
+    if (!arguments.keep_log.empty())
+      std::ofstream(fmt::format("{}.{}", arguments.keep_log, count)) << outcome->log;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace cairn::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Many clients at one server", "cairn_swarm_bench");
+  cairn::bench::Arguments arguments;
+  app.add_option("--clients", arguments.clients, "How many, one or several numbers")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  app.add_option("--scene", arguments.scene, "Synthetic scene")->capture_default_str();
+  app.add_option("--frames", arguments.frames, "Of each walk")->capture_default_str();
+  app.add_option("--keyframes-per-s", arguments.keyframes_per_s, "Of each client")
+      ->capture_default_str();
+  app.add_option("--recordings", arguments.recordings, "Folder where walks are kept")
+      ->capture_default_str();
+  app.add_option("--keep-log", arguments.keep_log,
+                 "Write the server's log to this file, .N behind");
+  CLI11_PARSE(app, argc, argv);
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);
+  return cairn::bench::run(arguments);
+}

@@ -1,0 +1,32 @@
+// What a client makes of a walk through a synthetic scene: its keyframes, recorded once without a
+// server, so that many clients can be replayed on a machine that could not track for all of them.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/model/keyframe.h"
+#include "common/model/trajectory.h"
+#include "common/util/status.h"
+
+namespace cairn::bench {
+
+struct WalkOptions {
+  std::string scene = "desk";
+  int path = 0;
+  int frames = 600;              // at 30 a second
+  int frames_between = 10;       // a keyframe at least so often: 3 a second
+  std::filesystem::path folder;  // where recordings are kept for the next run
+};
+
+struct RecordedWalk {
+  std::string name;  // of the client
+  std::vector<KeyframePtr> keyframes;
+  Trajectory truth;  // world_from_camera of every frame
+};
+
+// Runs cairn-client unless the folder has the recording already. Error: it failed.
+Result<RecordedWalk> record_walk(const WalkOptions& options);
+
+}  // namespace cairn::bench
