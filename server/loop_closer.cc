@@ -299,7 +299,8 @@ LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
 std::optional<LoopClosure> LoopCloser::distribute(const Map& map, const VerifiedLoop& loop) {
   std::vector<RelativePose> loops;
   for (const LoopEdge& edge : map.loops)
-    loops.push_back({edge.query, edge.candidate, edge.candidate_from_query});
+    if (edge.query != edge.candidate)
+      loops.push_back({edge.query, edge.candidate, edge.candidate_from_query});
   loops.push_back({loop.query, loop.candidate, loop.candidate_from_query});
   PoseGraphSummary summary;
   LoopClosure closure{.edge = edge_of(loop),

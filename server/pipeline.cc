@@ -51,6 +51,8 @@ LocalWindowOptions window_options(const ServerConfig& config) {
 LocalAdjusterOptions adjuster_options(const ServerConfig& config) {
   LocalAdjusterOptions options;
   options.window = window_options(config);
+  options.cull.keyframe_budget = config.keyframe_budget;
+  options.cull.landmark_budget = config.landmark_budget;
   return options;
 }
 

@@ -26,6 +26,12 @@ Result<ServerConfig> load_server_config(const std::string& path) {
         static_cast<int>(mapping->integer_or("threads", config.mapping_threads, {1, 64}));
     config.local_window =
         static_cast<int>(mapping->integer_or("local_window", config.local_window, {1, 200}));
+    const auto budget = [&](const char* key, std::size_t& value) {
+      value = static_cast<std::size_t>(
+          mapping->integer_or(key, static_cast<std::int64_t>(value), {10, 100'000'000}));
+    };
+    budget("keyframe_budget", config.keyframe_budget);
+    budget("landmark_budget", config.landmark_budget);
   }
   if (auto loops = root.optional_section("loops")) {
     config.close_loops = loops->flag_or("close", config.close_loops);

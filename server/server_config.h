@@ -2,6 +2,7 @@
 // them with unit and range.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -22,6 +23,8 @@ struct ServerConfig {
   double forget_client_s = 600;  // of silence, after which a client counts as gone
   // Local bundle adjustment: keyframes that are solved for at once.
   int local_window = 15;
+  // From here on keyframes must say more to stay; see CullOptions.
+  std::size_t keyframe_budget = 3000, landmark_budget = 300'000;
   bool close_loops = true;
   std::string vocabulary;  // empty: the one that is built in
   VerifyOptions verify;    // what a loop must show to be believed

@@ -125,7 +125,8 @@ struct Map {
   // Both forget what is old (forget_former() in apply.h). An entry that leads to another one is
   // older than that one, so that forgetting the oldest first cuts no way short.
 
-  // Loops closed and parts merged, in order; their keyframes are not culled.
+  // Loops closed and parts merged, in order. Where a keyframe is culled the edge goes on from its
+  // anchor; both ends may so come to be one.
   std::vector<LoopEdge> loops;
 
   // By run (epoch) of a client: its keyframes 0 .. n-1 have been through local mapping.

@@ -83,7 +83,23 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
   siblings.erase(std::find(siblings.begin(), siblings.end(), id));
   map_.keyframes.erase(id);
   map_.removed_keyframes.insert(id, former);
+  move_loops(id, former);
   return true;
+}
+
+// Loops hold on to the keyframe that takes the place of a culled one.
+void MapEditor::move_loops(KeyframeId id, const FormerKeyframe& former) {
+  const Sim3 anchor_from_camera(former.anchor_from_camera);
+  for (LoopEdge& edge : map_.loops) {
+    if (edge.query == id) {
+      edge.candidate_from_query = edge.candidate_from_query * anchor_from_camera.inverse();
+      edge.query = former.anchor;
+    }
+    if (edge.candidate == id) {
+      edge.candidate_from_query = anchor_from_camera * edge.candidate_from_query;
+      edge.candidate = former.anchor;
+    }
+  }
 }
 
 bool MapEditor::is_free(const Observation& o) const {

@@ -59,6 +59,7 @@ class MapEditor {
   void update_covisibility();
   void set_parent(KeyframeId child, KeyframeId parent);
   KeyframeId new_parent(const KeyframeNode& child, KeyframeId removed) const;
+  void move_loops(KeyframeId id, const FormerKeyframe& former);
   bool descends_from(KeyframeId id, KeyframeId ancestor) const;
   KeyframeId root_of(KeyframeId id) const;
 

@@ -24,20 +24,20 @@ bool is_near(const KeyframeNode& node, std::size_t feature) {
 
 class Redundancy {
  public:
-  Redundancy(const Map& map, const CullOptions& options) : map_(map), options_(options) {
-    for (const LoopEdge& edge : map.loops) {
-      in_loops_.insert(edge.query);
-      in_loops_.insert(edge.candidate);
-    }
-    map.keyframes.for_each([&](KeyframeId id, const KeyframeNode&) {
-      std::uint32_t& newest = newest_[id.epoch];
-      newest = std::max(newest, id.sequence);
+  Redundancy(const Map& map, const CullOptions& options)
+      : map_(map), options_(options), share_(redundant_share(map, options)) {
+    map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
+      Newest& newest = newest_[id.epoch];
+      newest.sequence = std::max(newest.sequence, id.sequence);
+      newest.arrival = std::max(newest.arrival, node.arrival);
     });
   }
 
   bool may_go(KeyframeId id, const KeyframeNode& node) const {
-    return node.parent.is_valid() && !in_loops_.contains(id) &&
-           id.sequence + options_.keep_newest <= newest_.at(id.epoch);
+    if (!node.parent.is_valid()) return false;
+    const Newest& newest = newest_.at(id.epoch);
+    return id.sequence + options_.keep_newest <= newest.sequence ||
+           newest.arrival + options_.gone_after < map_.revision;
   }
 
   bool is_redundant(KeyframeId id, const KeyframeNode& node) const {
@@ -45,7 +45,7 @@ class Redundancy {
     for (std::size_t f = 0; f < node.landmarks.size(); ++f)
       near += node.landmarks[f].is_valid() && is_near(node, f) ? 1 : 0;
     if (near < options_.min_landmarks) return false;
-    const double tolerated = (1.0 - options_.redundant_share) * static_cast<double>(near);
+    const double tolerated = (1.0 - share_) * static_cast<double>(near);
     std::size_t alone = 0;  // landmarks that need this keyframe
     for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
       if (!node.landmarks[f].is_valid() || !is_near(node, f)) continue;
@@ -72,14 +72,30 @@ class Redundancy {
     return false;
   }
 
+  struct Newest {
+    std::uint32_t sequence = 0;
+    std::uint64_t arrival = 0;
+  };
   const Map& map_;
   const CullOptions& options_;
-  std::map<std::uint64_t, std::uint32_t> newest_;  // sequence by epoch
-  std::set<KeyframeId> in_loops_;
+  const double share_;
+  std::map<std::uint64_t, Newest> newest_;  // by epoch
   std::set<KeyframeId> removed_;
 };
 
 }  // namespace
+
+double redundant_share(const Map& map, const CullOptions& options) {
+  const auto fullness = [](std::size_t size, std::size_t budget) {
+    return static_cast<double>(size) / static_cast<double>(std::max<std::size_t>(budget, 1));
+  };
+  const double over = std::max(fullness(map.keyframes.size(), options.keyframe_budget),
+                               fullness(map.landmarks.size(), options.landmark_budget)) -
+                      1;
+  constexpr double kFull = 0.2;
+  const double way = std::clamp(over / kFull, 0.0, 1.0);
+  return options.redundant_share + way * (options.full_share - options.redundant_share);
+}
 
 MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options) {
   MapDelta delta = MapDelta::based_on(map);

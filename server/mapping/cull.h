@@ -21,10 +21,19 @@ struct CullOptions {
   // depth is measured) is seen in `enough_views` others at the same or a finer scale.
   double redundant_share = 0.9;
   int enough_views = 3;
-  std::uint32_t keep_newest = 3;   // keyframes of each client that stay in any case
-  std::size_t candidates = 30;     // most covisible ones that are looked at
-  std::size_t min_landmarks = 20;  // with fewer, nothing is said about redundancy
+  std::uint32_t keep_newest = 3;    // keyframes of each client that stay in any case...
+  std::uint64_t gone_after = 5000;  // ... unless its newest came so many events of the map ago
+  std::size_t candidates = 30;      // most covisible ones that are looked at
+  std::size_t min_landmarks = 20;   // with fewer, nothing is said about redundancy
+
+  // A map larger than its budget tolerates less: the share that makes a keyframe redundant falls
+  // evenly to `full_share` where the map is a fifth above either of these.
+  std::size_t keyframe_budget = 3000, landmark_budget = 300'000;
+  double full_share = 0.6;
 };
+
+// The share of its landmarks that others must see, for a keyframe of this map to be redundant.
+double redundant_share(const Map& map, const CullOptions& options);
 
 // Landmarks on trial that failed it by the time of the keyframe `newest`.
 MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options = {});

@@ -142,6 +142,24 @@ TEST(ApplyLoop, WhatWasComputedBeforeIsVoid) {
   EXPECT_THAT(parts.map.loops, SizeIs(1));
 }
 
+TEST(ApplyLoop, TheEdgeOfACulledKeyframeGoesOnFromItsAnchor) {
+  TwoParts parts;
+  apply_loop(parts.map, parts.closure(kMove, 20));
+  LoopEdge& edge = parts.map.loops[0];
+  edge.candidate_from_query =
+      Sim3(parts.map.keyframes.at(edge.candidate).map_from_camera.inverse() *
+           parts.map.keyframes.at(edge.query).map_from_camera);
+  ASSERT_TRUE(remove_keyframe(parts.map, kf(2, 7)));
+  const LoopEdge& moved = parts.map.loops[0];
+  EXPECT_NE(moved.candidate, kf(2, 7));
+  ASSERT_TRUE(parts.map.keyframes.contains(moved.candidate));
+  const Rigid3 expected = parts.map.keyframes.at(moved.candidate).map_from_camera.inverse() *
+                          parts.map.keyframes.at(moved.query).map_from_camera;
+  const Rigid3 held = moved.candidate_from_query.move_pose(Rigid3());
+  EXPECT_LT((held.translation - expected.translation).norm(), 1e-9);
+  EXPECT_LT(held.rotation.angularDistance(expected.rotation), 1e-9);
+}
+
 TEST(ApplyLoop, NothingIsClosedWhenAKeyframeIsGone) {
   TwoParts parts;
   LoopClosure closure = parts.closure(kMove, 5);

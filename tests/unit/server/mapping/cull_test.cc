@@ -105,5 +105,33 @@ TEST(CullKeyframes, CoarserViewsDoNotReplaceAFinerOne) {
   EXPECT_GE(removed.size(), 2u);
 }
 
+TEST(CullKeyframes, TheNewestOfAClientThatIsGoneMayGo) {
+  const SyntheticMap gone({.keyframes = 8, .epoch = 5, .step = 0.01});
+  const SyntheticMap here({.keyframes = 8, .epoch = 7, .step = 0.01});
+  Map map;
+  for (const auto& keyframe : gone.keyframes) apply_keyframe(map, keyframe);
+  for (const auto& keyframe : here.keyframes) apply_keyframe(map, keyframe);
+  const auto of_gone = [](const MapDelta& delta) {
+    return std::count_if(delta.removed_keyframes.begin(), delta.removed_keyframes.end(),
+                         [](KeyframeId id) {
+                           return id == KeyframeId{5, 5};
+                         });
+  };
+  EXPECT_EQ(of_gone(cull_keyframes(map, {5, 0})), 0);
+  map.revision += 5001;
+  EXPECT_GT(of_gone(cull_keyframes(map, {5, 0})), 0);
+}
+
+TEST(CullKeyframes, AFullMapAsksMoreOfAKeyframe) {
+  const SyntheticMap world({.keyframes = 10});
+  const Map map = built(world);
+  const CullOptions roomy;
+  EXPECT_EQ(redundant_share(map, roomy), roomy.redundant_share);
+  EXPECT_EQ(redundant_share(map, {.keyframe_budget = 10}), roomy.redundant_share);
+  EXPECT_NEAR(redundant_share(map, {.keyframe_budget = 9}), 0.9 - 0.3 * 5 / 9, 1e-9);
+  EXPECT_EQ(redundant_share(map, {.keyframe_budget = 5}), roomy.full_share);
+  EXPECT_EQ(redundant_share(map, {.landmark_budget = 10}), roomy.full_share);
+}
+
 }  // namespace
 }  // namespace cairn
