@@ -38,7 +38,10 @@ void read_frontend(Section section, FrontendOptions& frontend) {
   frontend.max_depth_m = section.number_or("max_depth_m", frontend.max_depth_m, {0.1, 1000});
   frontend.max_depth_baselines =
       section.number_or("max_depth_baselines", frontend.max_depth_baselines, {1, 1000});
-  if (auto sharpen = section.optional_section("sharpen")) read_entropy(*sharpen, extractor.entropy);
+  if (auto sharpen = section.optional_section("sharpen")) {
+    read_entropy(*sharpen, extractor.entropy);
+    if (sharpen->flag_or("as_in_paper", false)) extractor = as_in_paper(extractor);
+  }
 }
 
 void read_tracking(Section section, TrackerOptions& tracker) {

@@ -97,6 +97,11 @@ cv::Rect BlockGrid::area(int index) const {
   return {left, top, right - left, bottom - top};
 }
 
+int BlockGrid::at(int x, int y) const {
+  const auto cell = [](int i, int cells, int length) { return ((i + 1) * cells - 1) / length; };
+  return cell(y, rows_, image_.height) * columns_ + cell(x, columns_, image_.width);
+}
+
 void append_block_entropies(const cv::Mat& image, const BlockGrid& grid, EntropyVariant variant,
                             std::vector<float>& entropies, const Kernels& kernels) {
   for (int i = 0; i < grid.size(); ++i)

@@ -32,6 +32,7 @@ class BlockGrid {
   int rows() const { return rows_; }
   int size() const { return columns_ * rows_; }
   cv::Rect area(int index) const;  // row by row
+  int at(int x, int y) const;      // the index of the block that the pixel lies in
 
  private:
   cv::Size image_;
@@ -59,8 +60,8 @@ struct EntropyOptions {
   // Least E0 in flat images (more than ExtractorOptions::flat_share of the blocks lie below it), in
   // the modes online and calibrated, bits. Eq. 12 sets E0 relative to the scene: where all of it is
   // flat, hardly any block lies below, although nothing can be tracked there without sharpening.
-  // Elsewhere the bound does harm: weak corners of flat walls displace better ones. 0: eq. 12 as it
-  // stands.
+  // Elsewhere the bound does harm: faint corners of flat walls are matched worse and located worse
+  // than others. 0: eq. 12 as it stands.
   double min_threshold = 3;
 
   double least_in_flat_images() const {

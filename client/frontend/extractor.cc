@@ -21,6 +21,14 @@ double share(const ScalePyramid& pyramid, int level) {
 
 }  // namespace
 
+ExtractorOptions as_in_paper(ExtractorOptions options) {
+  options.entropy.min_threshold = 0;
+  options.flat_share = 1;
+  options.best_first = false;
+  options.describe_sharpened = true;
+  return options;
+}
+
 Extractor::Extractor(const ExtractorOptions& options, const Kernels& kernels)
     : options_(options),
       kernels_(&kernels),
@@ -69,8 +77,8 @@ void Extractor::measure_entropy() {
   stats_.image_entropy = std::accumulate(entropies_.begin(), entropies_.end(), 0.0) / stats_.blocks;
   stats_.threshold = threshold_.next(stats_.image_entropy);
   const double in_flat = std::max(stats_.threshold, options_.entropy.least_in_flat_images());
-  const auto weak = std::count_if(entropies_.begin(), entropies_.end(),
-                                  [&](float e) { return e < in_flat; });
+  const auto weak =
+      std::count_if(entropies_.begin(), entropies_.end(), [&](float e) { return e < in_flat; });
   if (static_cast<double>(weak) > options_.flat_share * stats_.blocks) {
     stats_.threshold = in_flat;
     low_threshold_ = std::min(low_threshold_, options_.fast.flat_threshold);
@@ -84,9 +92,11 @@ cv::Mat Extractor::sharpen_blocks(int level) {
   if (options_.entropy.mode == EntropyMode::kOff) return plain;
   const Stopwatch watch;
   const BlockGrid grid(plain.size(), options_.entropy.block);
+  sharpened_blocks_.assign(static_cast<std::size_t>(grid.size()), 0);
   cv::Mat image = plain;
   for (int i = 0; i < grid.size(); ++i) {
     if (entropies_[next_entropy_++] >= stats_.threshold) continue;
+    sharpened_blocks_[static_cast<std::size_t>(i)] = 1;
     if (image.data == plain.data) {
       image = sharpened_(cv::Rect({}, plain.size()));
       plain.copyTo(image);
@@ -110,26 +120,49 @@ void Extractor::choose_corners(int level, int wanted) {
   const cv::Size size = pyramid_[level].size();
   const cv::Rect area(kPatchBorder, kPatchBorder, size.width - 2 * kPatchBorder,
                       size.height - 2 * kPatchBorder);
-  quadtree_.choose(corners_, area, wanted, chosen_);
+  if (options_.best_first && options_.entropy.mode != EntropyMode::kOff)
+    choose_best_first(level, area, wanted);
+  else
+    quadtree_.choose(corners_, area, wanted, chosen_);
   stats_.quadtree_ms += watch.milliseconds();
+}
+
+void Extractor::choose_best_first(int level, const cv::Rect& area, int wanted) {
+  const BlockGrid grid(pyramid_[level].size(), options_.entropy.block);
+  const auto sharpened = std::partition(corners_.begin(), corners_.end(), [&](const Corner& c) {
+    return !sharpened_blocks_[static_cast<std::size_t>(grid.at(c.x, c.y))];
+  });
+  const auto strong = std::count_if(corners_.begin(), sharpened, [&](const Corner& c) {
+    return c.score >= options_.fast.high_threshold;
+  });
+  auto best = sharpened;
+  if (strong >= wanted)
+    best = std::partition(corners_.begin(), sharpened, [&](const Corner& c) {
+      return c.score >= options_.fast.faint_threshold;
+    });
+  quadtree_.choose({corners_.begin(), best}, area, wanted, chosen_);
+  quadtree_.choose({sharpened, corners_.end()}, area, wanted - static_cast<int>(chosen_.size()),
+                   more_);
+  chosen_.insert(chosen_.end(), more_.begin(), more_.end());
 }
 
 void Extractor::emit(int level, const cv::Mat& image, Features& out) {
   if (chosen_.empty()) return;
+  const cv::Mat& described = options_.describe_sharpened ? image : pyramid_[level];
   const std::size_t first = out.size();
   const Stopwatch orienting;
   for (const Corner& c : chosen_) {
     const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y, *kernels_));
     out.points.push_back({.x = full.x,
                           .y = full.y,
-                          .angle = orientation(image, c.x, c.y, *kernels_),
+                          .angle = orientation(described, c.x, c.y, *kernels_),
                           .octave = static_cast<std::uint8_t>(level)});
   }
   stats_.orient_ms += orienting.milliseconds();
 
   const Stopwatch smoothing;
   cv::Mat smoothed = smoothed_(cv::Rect({}, image.size()));
-  smooth(options_.describe_sharpened ? image : pyramid_[level], smoothed, blur_line_, *kernels_);
+  smooth(described, smoothed, blur_line_, *kernels_);
   stats_.smooth_ms += smoothing.milliseconds();
 
   const Stopwatch describing;

@@ -22,6 +22,9 @@ struct FastOptions {
   // The low one in images most of whose blocks are sharpened: little stands out there, and without
   // these corners too few are found again in the next image.
   int flat_threshold = 4;
+  // Corners below it are faint: at equal entropy of their surroundings they find their partner in
+  // another view a third to a half as often as those above high_threshold.
+  int faint_threshold = 10;
   int cell = 32;  // pixels a side
 };
 

@@ -5,6 +5,7 @@
 #include "client/capture/synth_source.h"
 #include "client/client_config.h"
 #include "tests/integration/process.h"
+#include "tests/support/dataset_writer.h"
 #include "tests/support/synthetic_sequence.h"
 
 namespace cairn::bench {
@@ -59,24 +60,33 @@ std::vector<DataSet> data_sets(const std::optional<fs::path>& data, bool quick) 
 }
 
 Result<RunInput> run_input(const DataSet& set, int run) {
+  RunInput input;
   if (set.synth.empty()) {
+    input.source = "tum:" + set.folder.string();
+    input.config = config_folder() / "client_tum_fr1.yaml";
     auto truth = read_trajectory((set.folder / "groundtruth.txt").string());
     if (!truth) return truth.error();
-    return RunInput{"tum:" + set.folder.string(), *truth};
+    input.truth = *truth;
+    return input;
   }
-  const std::string spec = fmt::format("{}&seed={}", set.synth, run);
-  const auto options = parse_synth_spec(spec, Sensor::kRgbd);
+  const auto options =
+      parse_synth_spec(fmt::format("{}&seed={}&threads=2", set.synth, run), Sensor::kRgbd);
   if (!options) return options.error();
   const auto sequence = synthetic::SyntheticSequence::make(*options);
   if (!sequence) return sequence.error();
-  RunInput input{"synth:" + spec + "&threads=2", {}};
+  input.rendered = std::make_shared<synthetic::TempFolder>();
+  const fs::path folder = *input.rendered / "sequence";
+  if (Status s = write_dataset(**sequence, folder, synthetic::DatasetLayout::kTum); !s)
+    return s.error();
+  input.source = "tum:" + folder.string();
+  input.config = folder / "client.yaml";
   for (int i = 0; i < (*sequence)->size(); ++i)
     input.truth.push_back({(*sequence)->stamp_ns(i), (*sequence)->world_from_camera(i)});
   return input;
 }
 
-fs::path base_config(const DataSet& set) {
-  return config_folder() / (set.synth.empty() ? "client_tum_fr1.yaml" : "client_synth.yaml");
+fs::path base_config() {
+  return config_folder() / "client_synth.yaml";
 }
 
 Result<Camera> recording_camera() {

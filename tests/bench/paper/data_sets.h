@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "common/geometry/camera.h"
 #include "common/model/trajectory.h"
 #include "common/util/status.h"
+#include "tests/support/temp_folder.h"
 
 namespace cairn::bench {
 
@@ -35,13 +37,16 @@ std::vector<DataSet> data_sets(const std::optional<std::filesystem::path>& data,
 // The n-th run, from 1. In the embedded world each has a seed of its own, of textures, noise and
 // the hand's shake; runs on a recording differ only in what the server's answers meet.
 struct RunInput {
-  std::string source;  // for cairn-client --input
+  std::string source;            // for cairn-client --input
+  std::filesystem::path config;  // for cairn-client --config, before sharpening is set in it
   Trajectory truth;
+  // Holds a rendered sequence: drawn once, played to every variant.
+  std::shared_ptr<synthetic::TempFolder> rendered;
 };
 Result<RunInput> run_input(const DataSet& set, int run);
 
-// The config that cairn-client is given, before sharpening is set in it.
-std::filesystem::path base_config(const DataSet& set);
+// A config without a camera, for what does not depend on the data set.
+std::filesystem::path base_config();
 // The camera of the recordings.
 Result<Camera> recording_camera();
 

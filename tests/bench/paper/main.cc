@@ -63,16 +63,16 @@ Status make_views(const std::vector<DataSet>& sets, bool quick, AllViews& views)
     if (data.name != "fr1_rpy" && data.name != "fr1_360") continue;
     auto set = adjacent_frames(data.folder, data.title);
     if (!set) return set.error();
-    views.rotated.push_back(rotated_pairs(*set, quick ? 30 : 100));
+    views.rotated.push_back(rotated_pairs(*set, quick ? 30 : 300));
     views.adjacent.push_back(*set);
   }
   return {};
 }
 
-// Without sharpening, as by default, with the paper's own threshold; more: "name={block: 16}".
+// Without sharpening, as by default, as in the paper; more: "name={block: 16}".
 Result<std::vector<Variant>> variants(const std::vector<std::string>& more) {
   std::vector<Variant> all = {
-      {"off", "{mode: off}"}, {"on", std::nullopt}, {"paper", "{min_threshold: 0}"}};
+      {"off", "{mode: off}"}, {"on", std::nullopt}, {"paper", "{as_in_paper: true}"}};
   for (const std::string& text : more) {
     const auto equals = text.find('=');
     if (equals == std::string::npos)

@@ -137,7 +137,13 @@ cv::Mat draw_method(const ViewSet& set, std::size_t pair, const Method& method) 
 }  // namespace
 
 std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on) {
-  return {{"ORB", off}, {"ORB + entropy", on, true}, {"ORB + entropy + sharpening", on}};
+  ExtractorOptions unsharpened = on;
+  unsharpened.entropy.mode = EntropyMode::kFixed;
+  unsharpened.entropy.fixed_threshold = 0;
+  return {{"ORB", off},
+          {"ORB + entropy", on, true},
+          {"ORB, best corners first", unsharpened},
+          {"ORB + entropy + sharpening", on}};
 }
 
 MatchingResult match_views(const ViewSet& set, const Method& method) {

@@ -20,7 +20,8 @@ struct Method {
   // entropy" does with such blocks; this is our reading.
   bool leave_out_poor_blocks = false;
 };
-// Of ExtractorOptions with and without sharpening: plain ORB, with entropy, with both.
+// Of ExtractorOptions with and without sharpening: plain ORB; with entropy; with the choice of
+// corners that goes with sharpening, yet nothing sharpened; with all of it.
 std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on);
 
 struct PairMatches {

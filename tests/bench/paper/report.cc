@@ -17,7 +17,7 @@ namespace cairn::bench {
 namespace {
 
 // Which of the methods, and of the variants, is judged: sharpening as it is by default.
-constexpr std::size_t kSharpened = 2, kOn = 1;
+constexpr std::size_t kSharpened = 3, kOn = 1;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 std::string processor() {
@@ -42,6 +42,40 @@ double median_of(const MatchingResult& result, const PairValue& value) {
 }
 double inliers(const PairMatches& p) {
   return p.inliers;
+}
+
+// Mean change against the first of a pair, as a share of the first's mean, and its standard error.
+struct PairedChange {
+  double change = kNone, error = kNone;
+};
+PairedChange paired_change(const std::vector<double>& before, const std::vector<double>& after) {
+  const auto n = static_cast<double>(before.size());
+  double sum = 0, differences = 0, squares = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const double d = after[i] - before[i];
+    sum += before[i];
+    differences += d;
+    squares += d * d;
+  }
+  if (before.size() < 2 || !(sum > 0)) return {};
+  const double mean = differences / n;
+  const double variance = (squares - n * mean * mean) / (n - 1);
+  return {differences / sum, std::sqrt(std::max(0.0, variance) / n) * n / sum};
+}
+std::string to_text(const PairedChange& c) {
+  return std::isfinite(c.change) ? fmt::format("{:+.1f} ± {:.1f} %", 100 * c.change, 100 * c.error)
+                                 : "";
+}
+
+std::vector<double> inliers_of(const MatchingResult& result) {
+  std::vector<double> values;
+  for (const PairMatches& pair : result.pairs) values.push_back(pair.inliers);
+  return values;
+}
+double mean(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double v : values) sum += v;
+  return sum / static_cast<double>(values.size());
 }
 
 using RunValue = std::function<double(const RunResult&)>;
@@ -194,23 +228,29 @@ void Report::introduce(int runs, bool quick) {
 
 void Report::add_rotated_pairs(const std::vector<MatchingTable>& tables) {
   page_ << "## Matches of rotated, blurred pairs (the paper's table 1)\n\n"
-           "Medians over the pairs. Matches: mutual nearest neighbours. RANSAC: fundamental "
-           "matrix, 2 pixels. Correct: matches after RANSAC that ground truth confirms. The paper "
-           "has 87 matches after RANSAC with plain ORB, 133 with entropy and sharpening "
+           "Medians over the pairs, but for the mean. Matches: mutual nearest neighbours. RANSAC: "
+           "fundamental matrix, 2 pixels; change: of the mean against plain ORB, pair by pair, "
+           "with its standard error. Correct: matches after RANSAC that ground truth confirms. "
+           "Best corners first: corners chosen as with sharpening, but nothing sharpened. The "
+           "paper has 87 matches after RANSAC with plain ORB, 133 with entropy and sharpening "
            "(+53 %).\n\n"
-           "| views | pairs | method | key points | matches | after RANSAC | | rate | correct | | "
-           "extraction ms |\n|---|---|---|---|---|---|---|---|---|---|---|\n";
+           "| views | pairs | method | key points | matches | after RANSAC | mean | change | rate "
+           "| correct | | extraction ms |\n|---|---|---|---|---|---|---|---|---|---|---|---|\n";
   for (const MatchingTable& table : tables)
     for (std::size_t m = 0; m < table.methods.size(); ++m) {
       const auto med = [&](const PairValue& v) { return median_of(table.results[m], v); };
       const auto first = [&](const PairValue& v) { return median_of(table.results[0], v); };
       const auto correct = [](const PairMatches& p) { return static_cast<double>(p.correct); };
       page_ << fmt::format(
-          "| {} | {} | {} | {:.0f} | {:.0f} | {:.0f} | {} | {:.2f} | {:.0f} | {} | {:.1f} |\n",
+          "| {} | {} | {} | {:.0f} | {:.0f} | {:.0f} | {:.1f} | {} | {:.2f} | {:.0f} | {} | {:.1f} "
+          "|\n",
           m == 0 ? table.set->title : "", table.set->pairs.size(), table.methods[m].name,
           med([](const PairMatches& p) { return p.key_points; }),
           med([](const PairMatches& p) { return p.matches; }), med(inliers),
-          m == 0 ? "" : change(first(inliers), med(inliers)),
+          mean(inliers_of(table.results[m])),
+          m == 0
+              ? ""
+              : to_text(paired_change(inliers_of(table.results[0]), inliers_of(table.results[m]))),
           med([](const PairMatches& p) { return p.rate(); }), med(correct),
           m == 0 ? "" : change(first(correct), med(correct)),
           median(table.results[m].extraction_ms));
@@ -270,8 +310,8 @@ void Report::add_runs(const std::vector<RunTable>& tables) {
          "go at full rate, where chance decides which corrections are in when a frame comes. "
          "ATE: RMSE in metres after alignment in SE(3); RPE: metres over a second. A run fails "
          "when less than half of its frames are tracked. The paper has ATE -45 %, RPE -36 %, "
-         "tracking time +18 to +28 %. Sharpening `on` is the default of cairn-client; `paper` has "
-         "the paper's own threshold, eq. 12, without our lower bound. Times depend on what else "
+         "tracking time +18 to +28 %. Sharpening `on` is the default of cairn-client; `paper` is "
+         "sharpening as published (as_in_paper). Times depend on what else "
          "the machine does: compare them within a data set.\n\n"
          "| data set | sharpening | runs tracked | frames tracked | ATE m | | runs better | RPE m "
          "| | "
@@ -320,10 +360,13 @@ bool Report::add_verdict(const std::vector<MatchingTable>& pairs,
     page_ << fmt::format("- {}: {}\n", holds ? "holds" : "**does not hold**", what);
   };
   for (const MatchingTable& table : pairs) {
-    const double before = median_of(table.results.front(), inliers);
-    const double after = median_of(table.results[kSharpened], inliers);
-    check(after > before, fmt::format("matches after RANSAC rise on {}: {:.0f} to {:.0f}",
-                                      table.set->title, before, after));
+    const std::vector<double> before = inliers_of(table.results.front());
+    const std::vector<double> after = inliers_of(table.results[kSharpened]);
+    check(mean(after) > mean(before),
+          fmt::format("matches after RANSAC rise on {}: {:.1f} to {:.1f} on average ({}), median "
+                      "{:.0f} to {:.0f}",
+                      table.set->title, mean(before), mean(after),
+                      to_text(paired_change(before, after)), median(before), median(after)));
   }
   double log_sum = 0;
   int hard = 0;

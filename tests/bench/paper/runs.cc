@@ -33,16 +33,14 @@ int count(const testing::Process& client, const char* name) {
 }  // namespace
 
 Result<ClientConfig> client_config(const Variant& variant) {
-  DataSet any;
-  any.synth = "any";
-  const auto text = config_text(base_config(any), variant);
+  const auto text = config_text(base_config(), variant);
   if (!text) return text.error();
   const testing::Deployment folder;
   return load_client_config(folder.write("config.yaml", *text));
 }
 
 Result<RunResult> run_client(const DataSet& set, const RunInput& input, const Variant& variant) {
-  const auto config = config_text(base_config(set), variant);
+  const auto config = config_text(input.config, variant);
   if (!config) return config.error();
   testing::Deployment deployment;
   const auto server = deployment.server();

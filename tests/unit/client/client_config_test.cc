@@ -71,6 +71,14 @@ TEST(ClientConfig, AnEmptyFileLeavesTheCameraToTheSource) {
   EXPECT_FALSE(config->camera.has_value());
 }
 
+TEST(ClientConfig, SharpensAsInThePaperWhenAsked) {
+  const auto config = load("frontend:\n  sharpen:\n    min_threshold: 4\n    as_in_paper: true\n");
+  ASSERT_TRUE(config.ok()) << config.message();
+  EXPECT_EQ(config->frontend.extractor.entropy.min_threshold, 0);
+  EXPECT_FALSE(config->frontend.extractor.best_first);
+  EXPECT_TRUE(config->frontend.extractor.describe_sharpened);
+}
+
 TEST(ClientConfig, WrongValuesAndUnknownKeysNameTheirLineAtEveryDepth) {
   EXPECT_THAT(load("doman: 3\n").message(),
               EndsWith(":1: doman: unknown key; did you mean 'domain'?"));

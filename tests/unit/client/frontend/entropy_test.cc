@@ -64,6 +64,17 @@ TEST(BlockGrid, CoversEveryPixelOnceWithBlocksOfAboutOneSize) {
   }
 }
 
+TEST(BlockGrid, TellsWhichBlockAPixelLiesIn) {
+  for (const cv::Size size : {cv::Size(640, 480), cv::Size(533, 401), cv::Size(50, 31)}) {
+    const BlockGrid grid(size, 64);
+    for (int i = 0; i < grid.size(); ++i) {
+      const cv::Rect area = grid.area(i);
+      for (int y = area.y; y < area.br().y; ++y)
+        for (int x = area.x; x < area.br().x; ++x) ASSERT_EQ(grid.at(x, y), i) << x << ' ' << y;
+    }
+  }
+}
+
 TEST(BlockGrid, GivesEntropiesInItsOrder) {
   cv::Mat image = test::noise_image({128, 128}, 4);
   image(cv::Rect(64, 0, 64, 64)).setTo(0);

@@ -106,13 +106,23 @@ TEST(Extractor, ReportsPositionsAtFullResolutionWithoutBias) {
   }
 }
 
-TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
-  // Left half rich, right half weak: a checkerboard of two neighbouring grey levels.
+// Textured on the left; on the right a faint checkerboard that shows corners only when sharpened.
+cv::Mat half_faint_image() {
   cv::Mat image = test::noise_image({640, 480}, 5);
   for (int y = 0; y < 480; ++y)
     for (int x = 320; x < 640; ++x)
       image.at<uchar>(y, x) = static_cast<uchar>((x / 9 + y / 9) % 2 ? 120 : 126);
-  Extractor online({.entropy = {.min_threshold = 0}});
+  return image;
+}
+
+long features_right_of(const Features& features, float x) {
+  return std::count_if(features.points.begin(), features.points.end(),
+                       [&](const Feature& f) { return f.x > x; });
+}
+
+TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
+  const cv::Mat image = half_faint_image();
+  Extractor online({.entropy = {.min_threshold = 0}, .best_first = false});
   Features sharpened;
   online.extract(image, sharpened);
   EXPECT_GT(online.stats().blocks_sharpened, online.stats().blocks / 3);
@@ -123,12 +133,65 @@ TEST(Extractor, SharpensOnlyWhatLiesUnderTheThreshold) {
   Features plain;
   off.extract(image, plain);
   EXPECT_EQ(off.stats().blocks_sharpened, 0);
-  const auto on_weak_side = [](const Features& features) {
+  EXPECT_EQ(features_right_of(plain, 330), 0);  // 6 grey levels are below the low FAST threshold
+  EXPECT_GT(features_right_of(sharpened, 330), 100);
+}
+
+TEST(Extractor, TakesCornersOfSharpenedBlocksOnlyAsFarAsOthersLeaveRoom) {
+  const cv::Mat image = half_faint_image();
+  const EntropyOptions off{.mode = EntropyMode::kOff};
+  EXPECT_EQ(features_right_of(extract(image, {.features = 500}), 330), 0);
+  const Features few = extract(image, {.features = 10000, .entropy = off});
+  const Features filled = extract(image, {.features = 10000});
+  EXPECT_EQ(features_right_of(few, 330), 0);
+  EXPECT_GT(features_right_of(filled, 330), 100);
+  EXPECT_EQ(std::ssize(filled.points) - features_right_of(filled, 330), std::ssize(few.points));
+}
+
+TEST(Extractor, LeavesOutFaintCornersWhereStrongOnesSuffice) {
+  // Noise, and on the right a slope with spots that stand out a little.
+  cv::Mat image = test::noise_image({640, 480}, 5);
+  for (int y = 0; y < 480; ++y)
+    for (int x = 440; x < 640; ++x)
+      image.at<uchar>(y, x) =
+          static_cast<uchar>(x - 420 + (x % 20 / 4 == 2 && y % 20 / 4 == 2 ? 8 : 0));
+  const auto on_slope = [](const Features& features) {
     return std::count_if(features.points.begin(), features.points.end(),
-                         [](const Feature& f) { return f.x > 330; });
+                         [](const Feature& f) { return f.octave == 0 && f.x > 450; });
   };
-  EXPECT_EQ(on_weak_side(plain), 0);  // 6 grey levels are below the low FAST threshold
-  EXPECT_GT(on_weak_side(sharpened), 100);
+  EXPECT_GT(on_slope(extract(image, {.best_first = false})), 20);
+  EXPECT_EQ(on_slope(extract(image)), 0);
+  EXPECT_GT(on_slope(extract(image, {.features = 200000})), 50);  // room for all
+}
+
+TEST(Extractor, DescribesThePixelsAsTheyWereTaken) {
+  const cv::Mat noise = test::noise_image({640, 480}, 6);
+  cv::Mat image = half_faint_image();
+  for (int y = 0; y < 480; ++y)
+    for (int x = 320; x < 640; ++x) image.at<uchar>(y, x) += noise.at<uchar>(y, x) / 128;
+  const ExtractorOptions taken{.features = 10000};
+  ExtractorOptions sharpened = taken;
+  sharpened.describe_sharpened = true;
+  const Features a = extract(image, taken), b = extract(image, sharpened);
+  ASSERT_EQ(a.size(), b.size());
+  int differ = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a.points[i].x, b.points[i].x);
+    const bool same_descriptor = a.descriptors[i] == b.descriptors[i];
+    EXPECT_TRUE(same_descriptor || a.points[i].x > 250);
+    differ += a.points[i].x > 330 && !same_descriptor;
+  }
+  EXPECT_GT(differ, 50);
+}
+
+TEST(Extractor, FollowsThePaperWhenAsked) {
+  cv::Mat faint(480, 640, CV_8UC1);
+  for (int y = 0; y < 480; ++y)
+    for (int x = 0; x < 640; ++x)
+      faint.at<uchar>(y, x) = static_cast<uchar>((x / 40 + y / 40) % 2 ? 120 : 123);
+  EXPECT_EQ(extract(faint, as_in_paper({})).size(), 0u);
+  // Sharpened corners compete with the rest.
+  EXPECT_GT(features_right_of(extract(half_faint_image(), as_in_paper({})), 330), 100);
 }
 
 // A faint checkerboard all over: its entropy is that of the scene, so eq. 12 alone sharpens
