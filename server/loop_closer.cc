@@ -37,6 +37,12 @@ LoopEdge edge_of(const VerifiedLoop& loop) {
   return edge;
 }
 
+// Of the spanning tree: that of the part, unless the map file comes from before parts were grafted.
+KeyframeId root_of(const Map& map, KeyframeId id) {
+  while (map.keyframes.at(id).parent.is_valid()) id = map.keyframes.at(id).parent;
+  return id;
+}
+
 // Which runs go on in the part that moves, and which have keyframes in others too (a client that
 // was lost). `part` is sorted.
 void tell_runs(const Map& map, const std::vector<KeyframeId>& part, LoopEdge& edge) {
@@ -131,9 +137,9 @@ void LoopCloser::run() {
     const Task task = tasks_.front();
     tasks_.pop_front();
     busy_ = true;
-    const bool behind = tasks_.size() > options_.max_waiting;
+    const std::size_t waiting = tasks_.size();
     lock.unlock();
-    carry_out(task, behind);
+    carry_out(task, waiting);
     lock.lock();
     busy_ = false;
     lock.unlock();
@@ -141,11 +147,17 @@ void LoopCloser::run() {
   }
 }
 
-void LoopCloser::carry_out(const Task& task, bool behind) {
+void LoopCloser::carry_out(const Task& task, std::size_t waiting) {
   switch (task.kind) {
     case Task::Kind::kRecognise:
-    case Task::Kind::kIndex:
-      return recognise(task.keyframe, behind || task.kind == Task::Kind::kIndex);
+    case Task::Kind::kIndex: {
+      const Snapshot map = writer_.snapshot();
+      if (!map->keyframes.contains(task.keyframe)) return;  // culled before its turn
+      index(*map, task.keyframe);
+      if (task.kind == Task::Kind::kRecognise && waiting <= options_.max_waiting)
+        recognise(*map, task.keyframe, waiting > options_.max_waiting_for_loops);
+      return;
+    }
     case Task::Kind::kFinish:
       return settle(task.keyframe.epoch);
     case Task::Kind::kForget: {
@@ -187,19 +199,20 @@ void LoopCloser::on_adjusted(const std::vector<GlobalAdjuster::Ticket>& tickets)
   hooks_.changed();
 }
 
-void LoopCloser::recognise(KeyframeId id, bool index_only) {
-  const Snapshot map = writer_.snapshot();
-  const KeyframeNode* node = map->keyframes.find(id);
-  if (!node) return;  // culled before its turn
-  index_.add(id, vocabulary_->words(node->features().descriptors));
+void LoopCloser::index(const Map& map, KeyframeId id) {
+  index_.add(id, vocabulary_->words(map.keyframes.at(id).features().descriptors));
   indexed_.insert(id);
-  drop_culled(*map);
-  if (index_only) return;
+  drop_culled(map);
+}
+
+void LoopCloser::recognise(const Map& map, KeyframeId id, bool merges_only) {
   ++counters_.recognised;
+  const KeyframeId root = root_of(map, id);
   auto& finder = candidates_.try_emplace(id.epoch, options_.candidates).first->second;
-  for (const LoopCandidate& candidate : finder.find(*map, index_, id)) {
+  for (const LoopCandidate& candidate : finder.find(map, index_, id)) {
+    if (merges_only && root_of(map, candidate.keyframe) == root) continue;
     ++counters_.candidates;
-    const Verification v = verify_loop(*map, id, candidate.keyframe, options_.verify);
+    const Verification v = verify_loop(map, id, candidate.keyframe, options_.verify);
     log::debug("keyframe {} of run {:x} may show what {} of {:x} does (score {:.3f}): {}",
                id.sequence, id.epoch, candidate.keyframe.sequence, candidate.keyframe.epoch,
                candidate.score, v.loop ? "verified" : v.why);

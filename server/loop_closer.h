@@ -49,6 +49,9 @@ struct LoopCloserOptions {
   // While more keyframes wait they only go into the index: recognition may miss one, mapping must
   // not starve.
   std::size_t max_waiting = 40;
+  // While more than these wait, what lies in the same part of the map is not looked at: a loop is
+  // seen again a little later, a part that nobody has merged is of no use to its client.
+  std::size_t max_waiting_for_loops = 3;
   std::size_t weld_neighbours = 5;  // of the query, whose landmarks are fused too
 };
 
@@ -111,10 +114,11 @@ class LoopCloser {
 
   void run();
   void push(Task task);
-  void carry_out(const Task& task, bool behind);
+  void carry_out(const Task& task, std::size_t waiting);
   void settle(std::uint64_t epoch);
   void on_adjusted(const std::vector<GlobalAdjuster::Ticket>& tickets);
-  void recognise(KeyframeId id, bool index_only);
+  void index(const Map& map, KeyframeId id);
+  void recognise(const Map& map, KeyframeId id, bool merges_only);
   void drop_culled(const Map& map);
   bool close_loop(const VerifiedLoop& loop);
   bool is_small(const Map& map, const VerifiedLoop& loop) const;

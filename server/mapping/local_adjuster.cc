@@ -1,7 +1,6 @@
 #include "server/mapping/local_adjuster.h"
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "common/util/clock.h"
@@ -39,16 +38,16 @@ bool LocalAdjuster::is_free(const std::vector<KeyframeId>& keyframes) const {
                       [&](KeyframeId id) { return busy_.contains(id); });
 }
 
-// What waits, too, and would be solved for in this window.
-std::vector<KeyframeId> LocalAdjuster::companions(KeyframeId centre,
-                                                  const LocalWindow& window) const {
+// The centre, and what waits, too, and sees the same.
+std::vector<KeyframeId> LocalAdjuster::companions(const Map& map, KeyframeId centre) const {
+  std::set<KeyframeId> near;
+  if (const KeyframeNode* node = map.keyframes.find(centre))
+    for (const Covisible& c : node->covisible)
+      if (c.shared >= options_.window.min_shared) near.insert(c.keyframe);
   std::vector<KeyframeId> all;
-  for (const Waiting& w : waiting_) {
-    const bool inside =
-        std::binary_search(window.free_keyframes.begin(), window.free_keyframes.end(), w.keyframe);
-    if (w.keyframe == centre || (inside && all.size() < options_.max_together))
+  for (const Waiting& w : waiting_)
+    if (w.keyframe == centre || (near.contains(w.keyframe) && all.size() < options_.max_together))
       all.push_back(w.keyframe);
-  }
   return all;
 }
 
@@ -64,10 +63,8 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
   std::set<std::uint64_t> passed_over;  // runs: their keyframes are served in order
   for (const Waiting& w : waiting_) {
     if (passed_over.contains(w.keyframe.epoch)) continue;
-    const std::array centre{w.keyframe};
-    LocalWindow window = choose_local_window(*map, centre, claim.window);
-    claim.centres = companions(w.keyframe, window);
-    if (claim.centres.size() > 1) window = choose_local_window(*map, claim.centres, claim.window);
+    claim.centres = companions(*map, w.keyframe);
+    const LocalWindow window = choose_local_window(*map, claim.centres, claim.window);
     if (is_free(window.free_keyframes) && is_free(claim.centres)) {
       claim.region.insert(window.free_keyframes.begin(), window.free_keyframes.end());
       break;

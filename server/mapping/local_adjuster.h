@@ -76,7 +76,7 @@ class LocalAdjuster {
     LocalWindowOptions window;
   };
   Claim claim(std::size_t more_coming);
-  std::vector<KeyframeId> companions(KeyframeId centre, const LocalWindow& window) const;
+  std::vector<KeyframeId> companions(const Map& map, KeyframeId centre) const;
   bool is_free(const std::vector<KeyframeId>& keyframes) const;
   void release(const Claim& claim);
 
