@@ -8,61 +8,39 @@
 #include <unordered_set>
 
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
 #include "common/feature/hamming.h"
-#include "common/feature/matching.h"
 #include "server/verify/side.h"
+#include "server/verify/view_matches.h"
 #include "server/verify/view_pose.h"
 
 namespace cairn {
 namespace {
 
 constexpr double kConfidence = 0.999;
-constexpr double kMinDepth = 0.05;   // metres; nearer is inside the lens
-constexpr double kMinCosine = 0.5;   // of the angle between normal and line of sight
-constexpr std::size_t kNearest = 3;  // of the most similar that are looked at
-// Features nearer to each other than so many pixels, and landmarks nearer than this share of their
-// distance from the keyframe, are taken for one thing that is there twice.
-constexpr float kSamePixels = 6;
-constexpr double kSamePlace = 0.03;
+constexpr double kMinDepth = 0.05;  // metres; nearer is inside the lens
+constexpr double kMinCosine = 0.5;  // of the angle between normal and line of sight
 // Something nearer than this share of a landmark's depth, within so many pixels, hides it.
 constexpr double kHides = 0.85;
 constexpr float kHideRadius = 20;
+// Points nearer to a plane than this share of their distance are taken for flat.
+constexpr double kFlat = 0.03;
+// Landmarks farther from each other than this share of their distance from the camera are not the
+// same thing; so many features are asked for what looks like them.
+constexpr double kElsewhere = 0.1;
+constexpr std::size_t kRivalFeatures = 120;
 constexpr int kColumns = 8, kRows = 6;
 constexpr int kCellExpects = 3;                 // landmarks that make a cell's silence telling
 constexpr std::size_t kWitnesses = 7;           // keyframes that say what should show
 constexpr std::array kGrowthFactors{2.0, 1.0};  // on the radius, one a round
 
-struct Seen {
-  const Landmark* landmark;
-  float angle;  // of the feature that shows it in the group
-};
-
 struct Found {
-  int index = -1;
+  int feature = -1;
   int distance = 257;
 };
-using FoundList = std::array<Found, kNearest>;  // nearest first, of equals the first met
-
-void offer(FoundList& list, Found found) {
-  if (found.distance >= list.back().distance) return;
-  std::size_t at = kNearest - 1;
-  for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
-  list[at] = found;
-}
-
-// The nearest is near enough and clearly nearer than the nearest one elsewhere.
-template <typename Same>
-bool is_distinctive(const FoundList& list, const LocateOptions& options, Same&& same_place) {
-  if (list[0].index < 0 || list[0].distance > options.max_distance) return false;
-  for (std::size_t i = 1; i < kNearest && list[i].index >= 0; ++i)
-    if (!same_place(list[0].index, list[i].index))
-      return static_cast<float>(list[0].distance) <=
-             options.ratio * static_cast<float>(list[i].distance);
-  return true;
-}
 
 class Locator {
  public:
@@ -82,15 +60,11 @@ class Locator {
   }
 
  private:
-  struct Match {
-    const Landmark* landmark;
-    std::uint16_t feature;
-  };
-
   // Steps 1 and 2.
   std::string agree(KeyframeId candidate) {
     const auto group = group_of(map_, candidate, options_.covisibles, options_.min_shared);
-    match(seen_by(group), map_.keyframes.at(candidate).map_from_camera.translation);
+    matches_ = match_view(view_, landmarks_seen_by(map_, group),
+                          map_.keyframes.at(candidate).map_from_camera.translation, options_);
     result_.matches = static_cast<int>(matches_.size());
     if (result_.matches >= options_.min_consensus) consent();
     result_.consensus = static_cast<int>(matches_.size());
@@ -101,65 +75,21 @@ class Locator {
     return {};
   }
 
-  std::vector<Seen> seen_by(const std::vector<KeyframeId>& group) const {
-    std::vector<Seen> all;
-    std::unordered_set<LandmarkId> known;
-    for (const KeyframeId id : group) {
-      const KeyframeNode& node = map_.keyframes.at(id);
-      for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
-        if (!node.landmarks[f].is_valid()) continue;
-        const Landmark* landmark = map_.landmarks.find(node.landmarks[f]);
-        if (landmark && landmark->position.allFinite() && known.insert(landmark->id).second)
-          all.push_back({landmark, node.features().points[f].angle});
-      }
-    }
-    return all;
-  }
-
-  void match(const std::vector<Seen>& seen, const Eigen::Vector3d& from) {
-    const auto& descriptors = view_.features.descriptors;
-    const auto& points = view_.features.points;
-    std::vector<FoundList> of_seen(seen.size()), of_feature(descriptors.size());
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      const Descriptor wanted = seen[i].landmark->descriptor;
-      for (std::size_t f = 0; f < descriptors.size(); ++f) {
-        const int distance = hamming_distance(wanted, descriptors[f]);
-        offer(of_seen[i], {static_cast<int>(f), distance});
-        offer(of_feature[f], {static_cast<int>(i), distance});
-      }
-    }
-    const auto same_pixel = [&](int a, int b) {
-      const Feature &p = points[static_cast<std::size_t>(a)],
-                    &q = points[static_cast<std::size_t>(b)];
-      return std::abs(p.x - q.x) <= kSamePixels && std::abs(p.y - q.y) <= kSamePixels;
-    };
-    const auto same_place = [&](int a, int b) {
-      const Eigen::Vector3d& p = seen[static_cast<std::size_t>(a)].landmark->position;
-      const Eigen::Vector3d& q = seen[static_cast<std::size_t>(b)].landmark->position;
-      return (p - q).norm() <= kSamePlace * (p - from).norm();
-    };
-    std::vector<float> turns;
-    matches_.clear();
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-      if (!is_distinctive(of_seen[i], options_, same_pixel)) continue;
-      const auto f = static_cast<std::size_t>(of_seen[i][0].index);
-      if (of_feature[f][0].index != static_cast<int>(i)) continue;
-      if (!is_distinctive(of_feature[f], options_, same_place)) continue;
-      matches_.push_back({seen[i].landmark, static_cast<std::uint16_t>(f)});
-      turns.push_back(points[f].angle - seen[i].angle);
-    }
-    const std::vector<bool> alike = consistent_turns(turns);
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < matches_.size(); ++i)
-      if (alike[i]) matches_[kept++] = matches_[i];
-    matches_.resize(kept);
-  }
-
   // Leaves the matches that one pose explains; none where no pose is found.
   void consent() {
+    std::vector<ViewMatch> kept;
+    for (const int i : consensus_of(matches_, camera_from_map_))
+      kept.push_back(matches_[static_cast<std::size_t>(i)]);
+    matches_ = std::move(kept);
+    if (!camera_from_map_.is_finite()) matches_.clear();
+  }
+
+  // The matches that most agree on one pose, by their numbers, and the pose.
+  std::vector<int> consensus_of(const std::vector<ViewMatch>& matches,
+                                Rigid3& camera_from_map) const {
     std::vector<cv::Point3d> points;
     std::vector<cv::Point2d> pixels;
-    for (const Match& m : matches_) {
+    for (const ViewMatch& m : matches) {
       const Eigen::Vector3d& p = m.landmark->position;
       const Feature& f = view_.features.points[m.feature];
       points.emplace_back(p.x(), p.y(), p.z());
@@ -179,12 +109,9 @@ class Locator {
     } catch (const cv::Exception&) {
       consensus.clear();  // degenerate samples, such as points on a line
     }
-    std::vector<Match> kept;
-    for (const int i : consensus) kept.push_back(matches_[static_cast<std::size_t>(i)]);
-    matches_ = std::move(kept);
-    camera_from_map_ = Rigid3(so3_exp({rotation[0], rotation[1], rotation[2]}),
-                              {translation[0], translation[1], translation[2]});
-    if (!camera_from_map_.is_finite()) matches_.clear();
+    camera_from_map = Rigid3(so3_exp({rotation[0], rotation[1], rotation[2]}),
+                             {translation[0], translation[1], translation[2]});
+    return consensus;
   }
 
   // Step 3.
@@ -205,7 +132,7 @@ class Locator {
   // Leaves the matches that agree with the refined pose.
   bool refine() {
     std::vector<PointSight> sights;
-    for (const Match& m : matches_) sights.push_back({m.landmark->position, m.feature});
+    for (const ViewMatch& m : matches_) sights.push_back({m.landmark->position, m.feature});
     const auto good = refine_view_pose(view_, sights, options_.slack, camera_from_map_);
     std::size_t kept = 0;
     for (std::size_t i = 0; i < matches_.size(); ++i)
@@ -217,7 +144,7 @@ class Locator {
   // By how many of the matched landmarks they see.
   void rank_keyframes() {
     std::map<KeyframeId, int> votes;
-    for (const Match& m : matches_)
+    for (const ViewMatch& m : matches_)
       for (const Observation& o : m.landmark->observations) ++votes[o.keyframe];
     std::vector<std::pair<int, KeyframeId>> order;
     for (const auto& [id, count] : votes) order.emplace_back(-count, id);
@@ -230,18 +157,18 @@ class Locator {
   // A feature wanted by several landmarks goes to the one that looks most like it.
   void find_around(double radius) {
     std::unordered_map<std::uint16_t, std::pair<int, const Landmark*>> best;
-    for (const Seen& seen : seen_by(around_)) {
+    for (const SeenLandmark& seen : landmarks_seen_by(map_, around_)) {
       if (!project(*seen.landmark)) continue;
       const Found found = find(*seen.landmark, radius);
-      if (found.index < 0) continue;
-      const auto f = static_cast<std::uint16_t>(found.index);
+      if (found.feature < 0) continue;
+      const auto f = static_cast<std::uint16_t>(found.feature);
       auto& entry = best.try_emplace(f, 257, nullptr).first->second;
       if (found.distance < entry.first) entry = {found.distance, seen.landmark};
     }
     matches_.clear();
     for (const auto& [feature, entry] : best) matches_.push_back({entry.second, feature});
     std::sort(matches_.begin(), matches_.end(),
-              [](const Match& a, const Match& b) { return a.feature < b.feature; });
+              [](const ViewMatch& a, const ViewMatch& b) { return a.feature < b.feature; });
   }
 
   // False where the landmark can't be seen. Sets pixel_, depth_ and octave_.
@@ -298,7 +225,7 @@ class Locator {
   // Step 4.
   std::string doubt() {
     std::unordered_set<int> cells;
-    for (const Match& m : matches_) {
+    for (const ViewMatch& m : matches_) {
       const Feature& f = view_.features.points[m.feature];
       cells.insert(cell_of(f.x, f.y));
     }
@@ -317,7 +244,67 @@ class Locator {
     if (result_.contradicted > options_.max_contradicted)
       return fmt::format("nothing of what should show does in {:.2f} of the image, more than {}",
                          result_.contradicted, options_.max_contradicted);
+    if (const std::string why = doubt_extent(); !why.empty()) return why;
+    result_.rival = rival_share();
+    if (result_.rival > options_.max_rival)
+      return fmt::format("another pose explains {:.2f} of as much, more than {}", result_.rival,
+                         options_.max_rival);
     return {};
+  }
+
+  // Is it flat, and no larger than a poster?
+  std::string doubt_extent() const {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const ViewMatch& m : matches_) mean += m.landmark->position;
+    mean /= static_cast<double>(matches_.size());
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+    bool depth = false;
+    for (const ViewMatch& m : matches_) {
+      const Eigen::Vector3d d = m.landmark->position - mean;
+      covariance += d * d.transpose() / static_cast<double>(matches_.size());
+      depth = depth || view_.features.points[m.feature].has_depth();
+    }
+    const Eigen::Vector3d variances =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(covariance).eigenvalues();  // ascending
+    const double distance = (camera_from_map_ * mean).norm();
+    if (std::sqrt(std::max(0.0, variances(0))) > kFlat * distance) return {};
+    // Of points spread evenly over a length L the standard deviation is L / sqrt(12).
+    const double extent = std::sqrt(12 * variances(2));
+    const double needed = depth ? options_.min_flat_extent_m : options_.min_flat_extent * distance;
+    if (extent >= needed) return {};
+    return fmt::format(
+        "all that shows is flat and {:.2f} long, less than {:.2f}: could be a poster", extent,
+        needed);
+  }
+
+  // What the best other pose explains of the same features, by landmarks around that look like the
+  // matched ones and lie elsewhere. Some of the features stand for all.
+  double rival_share() const {
+    const std::vector<SeenLandmark> around = landmarks_seen_by(map_, around_);
+    const std::size_t step = 1 + matches_.size() / kRivalFeatures;
+    const Eigen::Vector3d camera = camera_from_map_.inverse().translation;
+    std::vector<ViewMatch> others;
+    int asked = 0;
+    for (std::size_t i = 0; i < matches_.size(); i += step) {
+      ++asked;
+      const ViewMatch& own = matches_[i];
+      const Eigen::Vector3d& place = own.landmark->position;
+      const double elsewhere = kElsewhere * (place - camera).norm();
+      int nearest = options_.max_distance + 1;
+      const Landmark* other = nullptr;
+      for (const SeenLandmark& seen : around) {
+        const int distance =
+            hamming_distance(seen.landmark->descriptor, view_.features.descriptors[own.feature]);
+        if (distance >= nearest || (seen.landmark->position - place).norm() < elsewhere) continue;
+        nearest = distance;
+        other = seen.landmark;
+      }
+      if (other) others.push_back({other, own.feature});
+    }
+    if (static_cast<double>(others.size()) <= options_.max_rival * asked || others.size() < 4)
+      return 0;
+    Rigid3 unused;
+    return static_cast<double>(consensus_of(others, unused).size()) / asked;
   }
 
   // Landmarks that one keyframe alone has seen say little by not being seen.
@@ -326,13 +313,13 @@ class Locator {
     const std::vector<KeyframeId> witnesses(
         around_.begin(),
         around_.begin() + static_cast<std::ptrdiff_t>(std::min(kWitnesses, around_.size())));
-    for (const Seen& seen : seen_by(witnesses)) {
+    for (const SeenLandmark& seen : landmarks_seen_by(map_, witnesses)) {
       if (seen.landmark->observations.size() < 2 || !project(*seen.landmark)) continue;
       const auto cell = static_cast<std::size_t>(cell_of(pixel_.x(), pixel_.y()));
       const Found feature = find(*seen.landmark, options_.radius);
-      if (feature.index < 0 && is_hidden()) continue;
+      if (feature.feature < 0 && is_hidden()) continue;
       ++expected[cell];
-      found[cell] += feature.index >= 0;
+      found[cell] += feature.feature >= 0;
     }
     int all = 0, shown = 0, silent = 0, confirmed = 0;
     for (std::size_t cell = 0; cell < expected.size(); ++cell) {
@@ -351,7 +338,7 @@ class Locator {
     l.map_from_camera = camera_from_map_.inverse();
     l.around = around_;
     std::unordered_set<LandmarkId> known;
-    for (const Match& m : matches_)
+    for (const ViewMatch& m : matches_)
       if (known.insert(m.landmark->id).second) l.matches.push_back({m.feature, m.landmark->id});
     return l;
   }
@@ -362,7 +349,7 @@ class Locator {
   const LocateOptions& options_;
   const PinholeCamera& camera_;
   Rigid3 camera_from_map_;
-  std::vector<Match> matches_;      // ascending by feature from growth on
+  std::vector<ViewMatch> matches_;  // ascending by feature from growth on
   std::vector<KeyframeId> around_;  // see Location
   Locating result_;
 

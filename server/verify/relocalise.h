@@ -12,7 +12,9 @@
 //               2017)
 //   3 grow      refine the pose (view_pose.h) and look for everything that the keyframes around
 //               know where it should show, twice
-//   4 doubt     enough, spread over the image; and is what should show there?
+//   4 doubt     enough, spread over the image; is what should show there; is it more than one
+//   poster;
+//               does no other pose explain nearly as much?
 // All descriptors are compared with all, some 3 ms for a place: a vocabulary's direct index would
 // spare most of that and lose a third of the true matches.
 #pragma once
@@ -54,6 +56,13 @@ struct LocateOptions {
   // Of the landmarks that agree, so many must have been distinctive by themselves (2): on a wall of
   // equal bricks everything fits once a few bricks do.
   double min_distinctive = 0.1;
+  // A view of nothing but something flat could be of any print of one poster: it must be larger
+  // than posters are. Metres or, of a view without depth, times its distance from the camera.
+  double min_flat_extent_m = 2.0;
+  double min_flat_extent = 1.5;
+  // Another pose, by landmarks that look the same elsewhere around, must not explain more than this
+  // share of what the best one does.
+  double max_rival = 0.3;
 };
 
 struct Location {
@@ -68,7 +77,7 @@ struct Locating {
   std::optional<Location> location;
   std::string why;
   int matches = 0, consensus = 0, inliers = 0, cells = 0;
-  double found = 0, contradicted = 0;
+  double found = 0, contradicted = 0, rival = 0;
 };
 
 // `grid` is of the view's features. Works on the snapshot alone, in any thread; some milliseconds.

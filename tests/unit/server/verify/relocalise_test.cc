@@ -122,6 +122,28 @@ TEST(Locate, WhatTheMapDoesNotHaveIsNowhere) {
   EXPECT_FALSE(lost.locate().location);
 }
 
+// On whichever wall it hangs.
+TEST(Locate, AViewOfALonePosterIsRejected) {
+  Room a;
+  add_poster(a, 5, {0.3, 0, 2.5}, 1.4, 500);
+  const Locating l = Lost(a, a).locate();
+  EXPECT_FALSE(l.location);
+  EXPECT_NE(l.why.find("poster"), std::string::npos) << figures(l);
+}
+
+TEST(Locate, OneOfTwoEqualPlacesSideBySideIsRejected) {
+  Room once, twice;
+  add_clutter(once, 1, 400, {-1, -1, 2}, {1, 1, 3});
+  for (RoomPoint point : once) {
+    point.position.x() -= 0.8;
+    twice.push_back(point);
+    point.position.x() += 2.4;
+    twice.push_back(point);
+  }
+  const Locating l = Lost(twice, once).locate();
+  EXPECT_FALSE(l.location) << figures(l);
+}
+
 class LocateSeeds : public testing::TestWithParam<std::uint64_t> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, LocateSeeds, testing::Range<std::uint64_t>(1, 11));
 

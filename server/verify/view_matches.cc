@@ -1,0 +1,111 @@
+#include "server/verify/view_matches.h"
+
+#include <array>
+#include <cmath>
+#include <unordered_set>
+
+#include "common/feature/hamming.h"
+#include "common/feature/matching.h"
+
+namespace cairn {
+namespace {
+
+// So many of the most similar are looked at.
+constexpr std::size_t kNearest = 3;
+// Features nearer to each other than so many pixels, and landmarks nearer than this share of their
+// distance from the keyframe, are taken for one thing that is there twice.
+constexpr float kSamePixels = 6;
+constexpr double kSamePlace = 0.03;
+
+struct Found {
+  int index = -1;
+  int distance = 257;
+};
+using FoundList = std::array<Found, kNearest>;  // nearest first, of equals the first met
+
+void offer(FoundList& list, Found found) {
+  if (found.distance >= list.back().distance) return;
+  std::size_t at = kNearest - 1;
+  for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
+  list[at] = found;
+}
+
+// The nearest is near enough and clearly nearer than the nearest one elsewhere.
+template <typename Same>
+bool is_distinctive(const FoundList& list, const LocateOptions& options, Same&& same_place) {
+  if (list[0].index < 0 || list[0].distance > options.max_distance) return false;
+  for (std::size_t i = 1; i < kNearest && list[i].index >= 0; ++i)
+    if (!same_place(list[0].index, list[i].index))
+      return static_cast<float>(list[0].distance) <=
+             options.ratio * static_cast<float>(list[i].distance);
+  return true;
+}
+
+struct Tables {
+  std::vector<FoundList> of_seen, of_feature;
+};
+
+Tables compare(const Features& features, const std::vector<SeenLandmark>& seen) {
+  Tables t{std::vector<FoundList>(seen.size()), std::vector<FoundList>(features.size())};
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const Descriptor wanted = seen[i].landmark->descriptor;
+    for (std::size_t f = 0; f < features.size(); ++f) {
+      const int distance = hamming_distance(wanted, features.descriptors[f]);
+      offer(t.of_seen[i], {static_cast<int>(f), distance});
+      offer(t.of_feature[f], {static_cast<int>(i), distance});
+    }
+  }
+  return t;
+}
+
+}  // namespace
+
+std::vector<SeenLandmark> landmarks_seen_by(const Map& map,
+                                            const std::vector<KeyframeId>& keyframes) {
+  std::vector<SeenLandmark> all;
+  std::unordered_set<LandmarkId> known;
+  for (const KeyframeId id : keyframes) {
+    const KeyframeNode& node = map.keyframes.at(id);
+    for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
+      if (!node.landmarks[f].is_valid()) continue;
+      const Landmark* landmark = map.landmarks.find(node.landmarks[f]);
+      if (landmark && landmark->position.allFinite() && known.insert(landmark->id).second)
+        all.push_back({landmark, node.features().points[f].angle});
+    }
+  }
+  return all;
+}
+
+std::vector<ViewMatch> match_view(const Keyframe& view, const std::vector<SeenLandmark>& seen,
+                                  const Eigen::Vector3d& from, const LocateOptions& options) {
+  const auto& points = view.features.points;
+  const auto same_pixel = [&](int a, int b) {
+    const Feature &p = points[static_cast<std::size_t>(a)],
+                  &q = points[static_cast<std::size_t>(b)];
+    return std::abs(p.x - q.x) <= kSamePixels && std::abs(p.y - q.y) <= kSamePixels;
+  };
+  const auto same_place = [&](int a, int b) {
+    const Eigen::Vector3d& p = seen[static_cast<std::size_t>(a)].landmark->position;
+    const Eigen::Vector3d& q = seen[static_cast<std::size_t>(b)].landmark->position;
+    return (p - q).norm() <= kSamePlace * (p - from).norm();
+  };
+  const Tables tables = compare(view.features, seen);
+  std::vector<ViewMatch> matches;
+  std::vector<float> turns;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (!is_distinctive(tables.of_seen[i], options, same_pixel)) continue;
+    const auto f = static_cast<std::size_t>(tables.of_seen[i][0].index);
+    if (tables.of_feature[f][0].index != static_cast<int>(i)) continue;
+    if (!is_distinctive(tables.of_feature[f], options, same_place)) continue;
+    matches.push_back({seen[i].landmark, static_cast<std::uint16_t>(f)});
+    turns.push_back(points[f].angle - seen[i].angle);
+  }
+  const std::vector<bool> alike = consistent_turns(turns);
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i)
+    if (alike[i]) matches[kept++] = matches[i];
+  matches.resize(kept);
+  return matches;
+}
+
+}  // namespace cairn
