@@ -30,6 +30,11 @@ struct Arguments {
   std::vector<std::string> only;
 };
 
+bool is_wanted(const Arguments& arguments, const std::string& name) {
+  return arguments.only.empty() ||
+         std::find(arguments.only.begin(), arguments.only.end(), name) != arguments.only.end();
+}
+
 int count(const std::string& text, const std::string& what) {
   int found = 0;
   for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1))
@@ -88,6 +93,7 @@ int run_repeats(const Arguments& arguments) {
   int false_seeds = 0;
   std::string table;
   for (const char* scene : {"posters", "bricks"}) {
+    if (!is_wanted(arguments, scene)) continue;
     RepeatScore score;
     for (int seed = 1; seed <= arguments.seeds; ++seed) {
       const auto run = repeats(arguments, scene, seed);
@@ -211,9 +217,7 @@ int run_pairs(const Arguments& arguments) {
   };
   std::optional<KnownMap> all;
   for (const MapRun& run : *runs) {
-    if (!arguments.only.empty() &&
-        std::find(arguments.only.begin(), arguments.only.end(), run.name) == arguments.only.end())
-      continue;
+    if (!is_wanted(arguments, run.name)) continue;
     const auto known = make_known_map(run);
     if (!known) {
       fmt::print(stderr, "loops: {}\n", known.message());
@@ -251,7 +255,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--pairs", arguments.pairs, "Pairs of keyframes in maps of known places");
   app.add_option("--csv", arguments.csv, "Write the figures of every pair to this file");
-  app.add_option("--only", arguments.only, "With --pairs: the maps of these names");
+  app.add_option("--only", arguments.only, "The rooms, or with --pairs the maps, of these names");
   app.add_option("--keep", arguments.keep, "Keep map files in this folder, and use them again");
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);

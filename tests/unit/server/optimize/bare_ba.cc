@@ -1,5 +1,8 @@
 #include "tests/unit/server/optimize/bare_ba.h"
 
+#include <algorithm>
+#include <functional>
+
 #include <ceres/ceres.h>
 
 namespace cairn::bare {
@@ -62,8 +65,10 @@ class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
           by_p * (2 * w * cross_d + 2 * cross_matrix(ud) + 2 * cross_u * cross_d);
       by_rotation.col(3) = by_p * (2 * ud);
     }
-    if (jacobians[1]) Eigen::Map<Matrix3>(jacobians[1]) = -by_p * turn;
-    if (jacobians[2]) Eigen::Map<Matrix3>(jacobians[2]) = by_p * turn;
+    const Matrix3 by_point = by_p * turn;
+    if (jacobians[1])
+      std::transform(by_point.data(), by_point.data() + 9, jacobians[1], std::negate());
+    if (jacobians[2]) std::copy_n(by_point.data(), 9, jacobians[2]);
     return true;
   }
 
