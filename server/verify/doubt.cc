@@ -91,7 +91,7 @@ std::string doubt_surroundings(const Side& query, const Side& candidate, const E
 // --- Is it flat, and no larger than a poster?
 
 std::string doubt_extent(const Side& candidate, const std::vector<int>& landmarks,
-                         const VerifyOptions& options) {
+                         const VerifyOptions& options, Verification& v) {
   // Points are taken for flat when their distance from a plane is less than what depth is
   // uncertain.
   constexpr double kFlat = 0.02;  // of the distance from the camera
@@ -109,6 +109,7 @@ std::string doubt_extent(const Side& candidate, const std::vector<int>& landmark
   if (std::sqrt(std::max(0.0, variances(0))) > kFlat * distance) return {};
   // Of points spread evenly over a length L the standard deviation is L / sqrt(12).
   const double extent = std::sqrt(12 * variances(2));
+  v.flat_extent = extent;
   const double needed =
       options.fix_scale ? options.min_flat_extent_m : options.min_flat_extent * distance;
   if (extent >= needed) return {};
@@ -118,8 +119,8 @@ std::string doubt_extent(const Side& candidate, const std::vector<int>& landmark
 
 // --- Is it the only place that fits?
 
-// Votes of similar pairs for translations, the rotation given: one more than twice as strong as
-// any other belongs to a place that is unique.
+// Votes of similar pairs for translations, the rotation given: where the place is unique, no other
+// has many.
 class TranslationVotes {
  public:
   // `width`: of a cell, in metres of the candidate.
@@ -182,12 +183,13 @@ std::string doubt_uniqueness(const Side& query, const Side& candidate, const Mat
   for (const auto& pair : matches.similar)
     votes.add(of(candidate, pair.candidate).position - turn * of(query, pair.query).position,
               pair.query);
-  const auto own = static_cast<double>(votes.around(candidate_from_query.translation));
   const auto rival = static_cast<double>(votes.most_elsewhere(candidate_from_query.translation));
-  v.rival = own > 0 ? rival / own : 1;
-  if (v.rival > options.max_rival)
-    return fmt::format("another place fits {:.0f} % as well: {} landmarks against {}",
-                       100 * v.rival, rival, own);
+  const auto own = static_cast<double>(votes.around(candidate_from_query.translation));
+  v.rival = rival / static_cast<double>(grown.pairs.size());
+  v.rival_votes = rival > 0 ? rival / std::max(own, 1.0) : 0;
+  if (v.rival > options.max_rival || v.rival_votes > options.max_rival_votes)
+    return fmt::format("another place fits as well: {} landmarks against {}, of which {} alike",
+                       rival, grown.pairs.size(), own);
   return {};
 }
 
@@ -209,7 +211,7 @@ std::string doubt(const Side& query, const Side& candidate, const Matches& match
     return fmt::format("inliers lie in {} and {} parts of the images, fewer than {}", v.cells_query,
                        v.cells_candidate, options.min_cells);
   std::string why = doubt_surroundings(query, candidate, grown.evidence, options, v);
-  if (why.empty()) why = doubt_extent(candidate, of_candidate, options);
+  if (why.empty()) why = doubt_extent(candidate, of_candidate, options, v);
   if (why.empty())
     why = doubt_uniqueness(query, candidate, matches, candidate_from_query, grown, options, v);
   return why;

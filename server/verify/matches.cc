@@ -85,7 +85,7 @@ Matches match_sides(const Side& query, const Side& candidate, const VerifyOption
   for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
     const FoundList& list = tables.of_query[i];
     for (const Found& found : list)
-      if (found.index >= 0 && found.distance <= options.max_distance)
+      if (found.index >= 0 && found.distance <= options.similar_distance)
         matches.similar.push_back({static_cast<int>(i), found.index});
     if (!is_distinctive(candidate, list, options)) continue;
     const FoundList& back = tables.of_candidate[static_cast<std::size_t>(list[0].index)];

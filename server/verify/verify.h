@@ -60,9 +60,9 @@ struct VerifyOptions {
   // Parts of the scene, of 9 degrees, of whose landmarks none is found in the other side's images
   // though they should show there contradict the loop; those where some are found confirm it. An
   // object that looks the same stands amid things that don't. Occlusion, things that have moved and
-  // dark corners make contradictions in true loops too: up to 0.15 on a real kitchen; a poster that
-  // fills a fifth of the images makes 0.25 and more.
-  double max_contradicted = 0.2;
+  // dark corners make contradictions in true loops too: three quarters of those of a real kitchen
+  // have less than this.
+  double max_contradicted = 0.3;
   // Of the landmarks that should show, found. True revisits find a fifth to two thirds of them.
   double min_found = 0.15;
   // A flat set of points could be a poster. It must be larger than posters are: metres, or, without
@@ -72,8 +72,15 @@ struct VerifyOptions {
   // Of the inliers, so many must be distinctive by themselves (step 1): on a wall of equal bricks
   // everything fits once three bricks do.
   double min_distinctive = 0.1;
-  // Another transform must not explain more than this share of what the best one does.
-  double max_rival = 0.5;
+  // Another transform of the same turn must not explain more than this share of as many landmarks
+  // as agree with the best one; what differs by so few bits may be copies of one print. What
+  // repeats along only one of the two walls of a corner explains a quarter and more, chance up to
+  // 0.12.
+  double max_rival = 0.15;
+  int similar_distance = 45;
+  // Where there are more copies than are looked at, each transform finds few of them: then it must
+  // not find more than this share of what the best one does the same way.
+  double max_rival_votes = 0.5;
 };
 
 struct VerifiedLoop {
@@ -98,7 +105,8 @@ struct Verification {
   int grown = 0;      // 4
   int cells_query = 0, cells_candidate = 0;
   double contradicted = 0, found = 0;
-  double distinctive = 0, rival = 0;
+  double distinctive = 0, rival = 0, rival_votes = 0;
+  double flat_extent = 0;  // metres, of all in common where that is flat; else 0
 };
 
 // Works on the snapshot alone, in any thread; some tens of milliseconds. The same snapshot, ids and

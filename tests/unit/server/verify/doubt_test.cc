@@ -52,7 +52,8 @@ TEST(Doubt, HasNoneOfATruePlace) {
   EXPECT_GT(suspect.v.found, 0.7);
   EXPECT_LT(suspect.v.contradicted, 0.02);
   EXPECT_GT(suspect.v.distinctive, 0.95);
-  EXPECT_LT(suspect.v.rival, 0.3);
+  EXPECT_LT(suspect.v.rival, 0.05);
+  EXPECT_LT(suspect.v.rival_votes, 0.2);
 }
 
 TEST(Doubt, OfBricksThatFitOneBrickFurtherOn) {
@@ -67,7 +68,7 @@ TEST(Doubt, OfWhatFitsElsewhereAsWellEvenIfDistinctive) {
   const Room room = brick_room();
   const Suspect suspect(room, room, {0.25, 0, 0}, {.min_distinctive = 0});
   EXPECT_TRUE(suspect.says("another place")) << suspect.why;
-  EXPECT_GT(suspect.v.rival, 0.5);
+  EXPECT_GT(suspect.v.rival_votes, 0.5);
 }
 
 TEST(Doubt, OfAPosterAmidOtherThings) {
