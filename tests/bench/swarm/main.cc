@@ -42,6 +42,7 @@ struct Arguments {
   double keyframes_per_s = 3;
   std::filesystem::path recordings = "build/bench/swarm";
   std::string keep_log;  // empty: not kept
+  std::string log_level = "info";
 };
 
 double quantile(std::vector<double> values, double share) {
@@ -110,7 +111,8 @@ Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<Recorded
   const testing::Loopback net;
   const auto node = net.node();
   testing::Process server(std::string(CAIRN_BINARY_DIR) + "/cairn-server",
-                          {"--map", folder / "map.db", "--domain", std::to_string(node.domain)},
+                          {"--map", folder / "map.db", "--domain", std::to_string(node.domain),
+                           "--log-level", arguments.log_level},
                           {"CYCLONEDDS_URI=" + node.config}, folder / "server");
   if (!server.wait_for_log("ready: ", seconds(60)))
     return {ErrorCode::kUnavailable, "cairn-server does not start: " + server.err()};
@@ -252,6 +254,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--keep-log", arguments.keep_log,
                  "Write the server's log to this file, .N behind");
+  app.add_option("--log-level", arguments.log_level, "Of the server")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   return cairn::bench::run(arguments);

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 // Without a server the keyframes of a run stay in the outbox.
 Status run_client(const WalkOptions& options, const std::string& name, const fs::path& outbox) {
   const fs::path config = options.folder / "client.yaml";
-  std::ofstream(config) << "tracking:\n  keyframe_max_frames: " << options.frames_between << "\n";
+  std::ofstream(config) << "tracking:\n  keyframe_min_shared: " << options.min_shared << "\n";
   const fs::path unfinished = outbox.string() + ".unfinished";
   fs::remove(unfinished);
   testing::Process client(
@@ -65,7 +65,7 @@ Result<RecordedWalk> record_walk(const WalkOptions& options) {
   RecordedWalk walk;
   walk.name = fmt::format("{}{}", options.scene, options.path);
   const fs::path outbox = options.folder / fmt::format("{}-{}-{}.outbox", walk.name, options.frames,
-                                                       options.frames_between);
+                                                       options.min_shared);
   fs::create_directories(options.folder);
   if (!fs::exists(outbox))
     if (Status s = run_client(options, walk.name, outbox); !s) return s.error();

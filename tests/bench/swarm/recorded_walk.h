@@ -15,8 +15,10 @@ namespace cairn::bench {
 struct WalkOptions {
   std::string scene = "desk";
   int path = 0;
-  int frames = 600;              // at 30 a second
-  int frames_between = 10;       // a keyframe at least so often: 3 a second
+  int frames = 600;  // at 30 a second
+  // Of the landmarks of its reference, a keyframe where fewer are in view: more keyframes than a
+  // client makes by default, for load.
+  double min_shared = 0.8;
   std::filesystem::path folder;  // where recordings are kept for the next run
 };
 
