@@ -93,8 +93,11 @@ void fill_in(const Map& map, const Place& place, const RelocaliseOptions& option
   around.epoch = answer.epoch;
   around.base_revision = 1;  // no refresh, and otherwise of no stream
   around.revision = 2;
+  around.centre = answer.map_from_camera.translation;
   around.landmarks =
       landmarks_around(map, place.location, std::max(options.landmarks, answer.matches.size()));
+  std::sort(around.landmarks.begin(), around.landmarks.end(),
+            [](const LandmarkState& a, const LandmarkState& b) { return a.id < b.id; });
 }
 
 }  // namespace

@@ -9,7 +9,7 @@ namespace cairn {
 namespace {
 
 constexpr std::int64_t kApplicationId = 0x43524E4F;  // "CRNO", in the header of the file
-constexpr std::int64_t kVersion = 1;
+constexpr std::int64_t kVersion = 2;                 // 2: keyframes of format 3
 
 constexpr char kTables[] =
     "CREATE TABLE owner(client TEXT NOT NULL);"

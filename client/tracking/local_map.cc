@@ -146,6 +146,10 @@ void LocalMap::rename(LandmarkId from, LandmarkId to) {
       observe(*new_slot, observer);
   remove(from);
   renamed_[from] = to;
+  renamed_in_order_.push_back(from);
+  // What has lost its name so long ago nobody asks for any more.
+  for (; renamed_in_order_.size() > limits_.former_names; renamed_in_order_.pop_front())
+    renamed_.erase(renamed_in_order_.front());
 }
 
 void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera) {
@@ -163,9 +167,17 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
   mine.reference_from_camera = keyframe->reference_from_camera;
   mine.keyframe = std::move(keyframe);
   keyframes_.push_back(std::move(mine));
-  if (keyframes_.size() > limits_.keyframes_with_features)
-    keyframes_[keyframes_.size() - 1 - limits_.keyframes_with_features].keyframe.reset();
+  let_features_go();
   enforce_limits();
+}
+
+void LocalMap::let_features_go() {
+  const std::size_t made = keyframes_.size();
+  const std::size_t lag =
+      std::min(made - std::min(made, mapped_keyframes_), limits_.unmapped_with_features);
+  for (; made - first_with_features_ > limits_.keyframes_with_features + lag;
+       ++first_with_features_)
+    keyframes_[first_with_features_].keyframe.reset();
 }
 
 void LocalMap::add_landmark(const Keyframe& keyframe, const ProvisionalLandmark& made) {
@@ -186,6 +198,9 @@ void LocalMap::apply(const MapUpdate& update) {
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
 
   place_keyframes(update);
+  if (!keyframes_.empty() && update.epoch == keyframes_.front().id.epoch)
+    mapped_keyframes_ = std::max<std::size_t>(mapped_keyframes_, update.mapped_keyframes);
+  let_features_go();
 
   // Provisional landmarks keep their place relative to the keyframe that made them. A loop moves
   // more landmarks than one update tells of: until they are told, they follow keyframes too.
@@ -201,6 +216,11 @@ void LocalMap::apply(const MapUpdate& update) {
     if (is_known_to_server(landmark, update)) landmark.anchor = {};
   }
   for (const LandmarkState& state : update.landmarks) update_landmark(state);
+  for (const LandmarkMove& move : update.moved_landmarks)
+    if (const auto slot = slot_of(move.id)) {
+      slots_[*slot].position = move.position;
+      slots_[*slot].anchor = {};
+    }
   for (const LandmarkRemoval& removal : update.removed_landmarks) {
     if (removal.replaced_by)
       rename(removal.id, *removal.replaced_by);
@@ -262,6 +282,7 @@ NewNames LocalMap::take_over_landmarks() {
   for (const auto& [before, replacement] : renamed_)
     names.add(before, names.of(current_name(replacement)));
   renamed_.clear();
+  renamed_in_order_.clear();
   return names;
 }
 
@@ -285,6 +306,7 @@ bool LocalMap::is_known_to_server(const LocalLandmark& landmark, const MapUpdate
 // the client's own.
 void LocalMap::forget_servers_landmarks(const MapUpdate& update) {
   renamed_.clear();
+  renamed_in_order_.clear();
   std::vector<LandmarkId> known;
   for (const auto& [id, slot] : by_id_) {
     if (is_known_to_server(slots_[slot], update)) known.push_back(id);
@@ -320,10 +342,21 @@ void LocalMap::place_keyframes(const MapUpdate& update) {
   for (OwnKeyframe& k : keyframes_) follow(k, follow, kLongestChain);
 }
 
+// Null where it is that of a feature which is held no longer.
+const Descriptor* LocalMap::descriptor_of(const LandmarkState& state) const {
+  if (!state.shown_by) return &state.descriptor;
+  if (state.shown_by->sequence >= keyframes_.size()) return nullptr;
+  const KeyframePtr& keyframe = keyframes_[state.shown_by->sequence].keyframe;
+  if (!keyframe || state.shown_by->feature >= keyframe->features.size()) return nullptr;
+  return &keyframe->features.descriptors[state.shown_by->feature];
+}
+
 void LocalMap::update_landmark(const LandmarkState& state) {
   renamed_.erase(state.id);  // the server uses the name again
+  const Descriptor* descriptor = descriptor_of(state);
   auto slot = slot_of(state.id);
   if (!slot) {
+    if (!descriptor) return;
     LocalLandmark landmark;
     landmark.id = state.id;
     slot = insert(std::move(landmark));
@@ -333,7 +366,7 @@ void LocalMap::update_landmark(const LandmarkState& state) {
   landmark.normal = state.normal;
   landmark.min_distance = state.min_distance;
   landmark.max_distance = state.max_distance;
-  landmark.descriptor = state.descriptor;
+  if (descriptor) landmark.descriptor = *descriptor;
   landmark.anchor = {};
   for (const KeyframeId observer : state.observers) observe(*slot, observer);
 }
@@ -369,7 +402,9 @@ std::optional<Rigid3> LocalMap::pose_of(KeyframeId keyframe) const {
 
 std::vector<KeyframePtr> LocalMap::recent_keyframes() const {
   std::vector<KeyframePtr> recent;
-  for (auto k = keyframes_.rbegin(); k != keyframes_.rend() && k->keyframe; ++k)
+  for (auto k = keyframes_.rbegin();
+       k != keyframes_.rend() && k->keyframe && recent.size() < limits_.keyframes_with_features;
+       ++k)
     recent.push_back(k->keyframe);
   return recent;
 }

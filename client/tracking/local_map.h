@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
@@ -58,8 +59,13 @@ class NewNames {
 class LocalMap {
  public:
   struct Limits {
-    std::size_t landmarks = 40'000;            // beyond, those not used for longest are dropped
-    std::size_t keyframes_with_features = 60;  // kept for finding oneself again
+    std::size_t landmarks = 40'000;  // beyond, those not used for longest are dropped
+    // Latest keyframes whose features are kept: for finding oneself again, and because the server
+    // says of landmarks which feature shows them (LandmarkState::shown_by).
+    std::size_t keyframes_with_features = LandmarkState::kShownByLatest * 3 / 2;
+    // While the server lags behind, for the latter reason, so many more.
+    std::size_t unmapped_with_features = 300;
+    std::size_t former_names = 20'000;  // beyond, the oldest are forgotten
   };
 
   LocalMap() : LocalMap(Limits{}) {}
@@ -145,6 +151,8 @@ class LocalMap {
   void forget_servers_landmarks(const MapUpdate& update);
   void place_keyframes(const MapUpdate& update);
   void update_landmark(const LandmarkState& state);
+  const Descriptor* descriptor_of(const LandmarkState& state) const;
+  void let_features_go();
   void enforce_limits();
 
   Limits limits_;
@@ -153,8 +161,11 @@ class LocalMap {
   std::vector<Slot> free_slots_;
   std::unordered_map<LandmarkId, Slot> by_id_;
   std::unordered_map<LandmarkId, LandmarkId> renamed_;
+  std::deque<LandmarkId> renamed_in_order_;                    // the keys, with some that are gone
   std::unordered_map<KeyframeId, std::vector<Slot>> seen_by_;  // also of other clients' keyframes
   std::vector<OwnKeyframe> keyframes_;                         // by sequence; all of one epoch
+  std::size_t first_with_features_ = 0;                        // into keyframes_
+  std::size_t mapped_keyframes_ = 0;                           // as the server has told
   std::vector<std::uint64_t> mark_;  // a slot: the last query that took it
   std::uint64_t queries_ = 0;
 };

@@ -12,7 +12,15 @@
 
 namespace cairn {
 
-// A landmark that is new to the client or has changed.
+// A feature of one of the client's own keyframes, by the keyframe's sequence.
+struct OwnFeature {
+  std::uint32_t sequence = 0;
+  std::uint16_t feature = 0;
+
+  auto operator<=>(const OwnFeature&) const = default;
+};
+
+// A landmark that is new to the client, or looks other than it did.
 struct LandmarkState {
   LandmarkId id;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
@@ -21,11 +29,23 @@ struct LandmarkState {
   // Distances (metres) between which its features can be found: outside, it shows at an octave that
   // the pyramid does not have.
   float min_distance = 0, max_distance = 0;
+  // What it looks like: the descriptor or, where the client has that itself, whose it is.
   Descriptor descriptor{};
-  // Keyframes that see it, the latest last; not all of them (kMaxObservers).
+  std::optional<OwnFeature> shown_by{};
+  // Keyframes that see it, the latest last; not all of them (kMaxObservers), but in any case the
+  // one that the server moves it with.
   std::vector<KeyframeId> observers;
 
   static constexpr std::size_t kMaxObservers = 6;
+  // `shown_by` names none but the latest so many keyframes that have been through local mapping.
+  // The client keeps the features of half as many again.
+  static constexpr std::uint32_t kShownByLatest = 40;
+};
+
+// A landmark that the client knows and that lies elsewhere now.
+struct LandmarkMove {
+  LandmarkId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in map
 };
 
 // A landmark that the client should forget, or know by another name from now on.
@@ -65,10 +85,15 @@ struct MapUpdate {
   bool landmarks_follow = false;
   // To a client that has said that it is finishing: no more corrections are under way.
   bool settled = false;
+  // Where the client is, in map, more or less: on the wire positions of landmarks are rounded to a
+  // share of their distance from here.
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
 
+  // All ascending by id.
   std::vector<KeyframePose> keyframes;
   std::vector<KeyframeRemoval> removed_keyframes;
   std::vector<LandmarkState> landmarks;
+  std::vector<LandmarkMove> moved_landmarks;
   std::vector<LandmarkRemoval> removed_landmarks;
 
   bool is_refresh() const { return base_revision == 0; }

@@ -2,46 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <unordered_set>
 #include <utility>
 
 #include "common/wire/envelope.h"
+#include "common/wire/features_codec.h"
 #include "common/wire/values.h"
 
 namespace cairn::wire {
 namespace {
-
-constexpr std::size_t kFeatureBytes = 2 + 2 + 2 + 1 + 1 + kDescriptorBytes;
-constexpr double kDisparityStep = 1.0 / 128;
-constexpr double kTurn = 2 * std::numbers::pi;
-
-// Maps one pixel coordinate to 16 bits and back.
-struct Axis {
-  double low, step;
-  explicit Axis(int side) : low(-0.25 * side), step(1.5 * side / 65535.0) {}
-
-  bool covers(float v) const { return v >= low - 0.5 * step && v <= low + 65535.5 * step; }
-  std::uint16_t to_bits(float v) const {
-    return static_cast<std::uint16_t>(std::clamp(std::round((v - low) / step), 0.0, 65535.0));
-  }
-  float from_bits(std::uint16_t q) const { return static_cast<float>(low + q * step); }
-};
-
-bool in_range(const Feature& f, const PinholeCamera& camera) {
-  return Axis(camera.width).covers(f.x) && Axis(camera.height).covers(f.y);
-}
-
-std::uint16_t disparity_bits(float disparity) {
-  const double q = std::round(disparity / kDisparityStep);
-  return q >= 1 && q <= 65535 ? static_cast<std::uint16_t>(q) : 0;
-}
-
-std::uint8_t angle_bits(float angle) {
-  if (!std::isfinite(angle)) return 0;
-  const double turns = angle / kTurn;
-  return static_cast<std::uint8_t>(static_cast<int>(std::round((turns - std::floor(turns)) * 256)));
-}
 
 void put_rig(ByteWriter& out, const Rig& rig) {
   const PinholeCamera& c = rig.camera;
@@ -65,59 +34,42 @@ std::shared_ptr<const Rig> get_rig(ByteReader& in) {
   return rig;
 }
 
-void put_features(ByteWriter& out, const Features& features, const PinholeCamera& camera) {
-  const Axis x_axis(camera.width), y_axis(camera.height);
-  out.put(static_cast<std::uint16_t>(features.size()));
-  for (std::size_t i = 0; i < features.size(); ++i) {
-    const Feature& f = features.points[i];
-    out.put(x_axis.to_bits(std::isfinite(f.x) ? f.x : 0.f));
-    out.put(y_axis.to_bits(std::isfinite(f.y) ? f.y : 0.f));
-    out.put(in_range(f, camera) ? disparity_bits(f.disparity) : std::uint16_t{0});
-    out.put(f.octave);
-    out.put(angle_bits(f.angle));
-    put_descriptor(out, features.descriptors[i]);
-  }
+// Whether the match makes a landmark of its own feature.
+bool makes_landmark(const LandmarkMatch& match, KeyframeId keyframe) {
+  return match.landmark == LandmarkId::from_feature(keyframe, match.feature);
 }
 
-Features get_features(ByteReader& in, const PinholeCamera& camera) {
-  const Axis x_axis(camera.width), y_axis(camera.height);
-  const auto count = in.get<std::uint16_t>();
-  Features features;
-  if (!in.fits(count, kFeatureBytes)) return features;
-  features.points.resize(count);
-  features.descriptors.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    Feature& f = features.points[i];
-    f.x = x_axis.from_bits(in.get<std::uint16_t>());
-    f.y = y_axis.from_bits(in.get<std::uint16_t>());
-    f.disparity = static_cast<float>(in.get<std::uint16_t>() * kDisparityStep);
-    f.octave = in.get<std::uint8_t>();
-    f.angle = static_cast<float>(in.get<std::uint8_t>() * (kTurn / 256));
-    features.descriptors[i] = get_descriptor(in);
-  }
-  return features;
-}
-
-// Features are named by their distance from the one before.
-void put_matches(ByteWriter& out, const std::vector<LandmarkMatch>& matches) {
+// A bit for each feature that makes a landmark; then the others, each feature by its distance from
+// the one before.
+void put_matches(ByteWriter& out, const Keyframe& keyframe) {
+  Blob makers((keyframe.features.size() + 7) / 8);
   EpochTableWriter epochs;
-  for (const LandmarkMatch& m : matches) epochs.add(m.landmark.origin);
+  std::size_t others = 0;
+  for (const LandmarkMatch& m : keyframe.matches) {
+    if (makes_landmark(m, keyframe.id)) {
+      makers[m.feature / 8] |= static_cast<std::uint8_t>(1u << (m.feature % 8));
+    } else {
+      epochs.add(m.landmark.origin);
+      ++others;
+    }
+  }
+  out.put_bytes(makers);
   epochs.put_table(out);
-  out.put_varint(matches.size());
+  out.put_varint(others);
   std::uint32_t next = 0;
-  for (const LandmarkMatch& m : matches) {
+  for (const LandmarkMatch& m : keyframe.matches) {
+    if (makes_landmark(m, keyframe.id)) continue;
     out.put_varint(m.feature - next);
     epochs.put(out, m.landmark);
     next = m.feature + 1u;
   }
 }
 
-bool get_matches(ByteReader& in, std::vector<LandmarkMatch>& matches) {
+bool get_other_matches(ByteReader& in, std::vector<LandmarkMatch>& matches) {
   EpochTableReader epochs;
   if (!epochs.read(in)) return false;
   const std::uint64_t count = in.get_varint();
   if (!in.fits(count, 3)) return false;
-  matches.reserve(count);
   std::uint64_t next = 0;
   for (std::uint64_t i = 0; i < count; ++i) {
     const std::uint64_t distance = in.get_varint();
@@ -129,6 +81,25 @@ bool get_matches(ByteReader& in, std::vector<LandmarkMatch>& matches) {
   return in.ok();
 }
 
+bool get_matches(ByteReader& in, Keyframe& keyframe) {
+  const std::size_t features = keyframe.features.size();
+  const Bytes makers = in.get_bytes((features + 7) / 8);
+  if (!in.ok()) return false;
+  for (std::size_t f = 0; f < 8 * makers.size(); ++f) {
+    if ((makers[f / 8] >> (f % 8) & 1) == 0) continue;
+    if (f >= features) return false;
+    const auto feature = static_cast<std::uint16_t>(f);
+    keyframe.matches.push_back({feature, LandmarkId::from_feature(keyframe.id, feature)});
+  }
+  const auto made = static_cast<std::ptrdiff_t>(keyframe.matches.size());
+  if (!get_other_matches(in, keyframe.matches)) return false;
+  // A feature that stands in both is found by the check.
+  std::inplace_merge(keyframe.matches.begin(), keyframe.matches.begin() + made,
+                     keyframe.matches.end(),
+                     [](const auto& a, const auto& b) { return a.feature < b.feature; });
+  return true;
+}
+
 // What is left of the matches when features out of range have lost theirs and each landmark has
 // kept its first.
 std::vector<LandmarkMatch> sendable_matches(const Keyframe& keyframe) {
@@ -137,8 +108,8 @@ std::vector<LandmarkMatch> sendable_matches(const Keyframe& keyframe) {
   std::vector<LandmarkMatch> kept;
   kept.reserve(keyframe.matches.size());
   for (const LandmarkMatch& m : keyframe.matches) {
-    const bool lost =
-        m.feature < features.size() && !in_range(features.points[m.feature], keyframe.rig->camera);
+    const bool lost = m.feature < features.size() &&
+                      !is_tellable(features.points[m.feature], keyframe.rig->camera);
     if (!lost && seen.insert(m.landmark).second) kept.push_back(m);
   }
   return kept;
@@ -162,7 +133,7 @@ Result<Blob> encode_keyframe(std::string_view client, const Keyframe& original) 
   head.matches = sendable_matches(original);
   if (Status s = check_keyframe(head); !s) return s.error();
 
-  ByteWriter out(300 + head.features.size() * kFeatureBytes + head.matches.size() * 12);
+  ByteWriter out(300 + head.features.size() * 40 + head.matches.size() * 12);
   out.put_string(client);
   out.put(head.id.epoch);
   out.put(head.id.sequence);
@@ -176,7 +147,7 @@ Result<Blob> encode_keyframe(std::string_view client, const Keyframe& original) 
   }
   out.put(head.noise);
   put_features(out, head.features, head.rig->camera);
-  put_matches(out, head.matches);
+  put_matches(out, head);
   return seal(kKeyframeFormat, out.take());
 }
 
@@ -202,8 +173,9 @@ Result<DecodedKeyframe> decode_keyframe(Bytes blob) {
     keyframe->reference_from_camera = get_rigid(in);
   }
   keyframe->noise = in.get_float();
-  keyframe->features = get_features(in, keyframe->rig->camera);
-  if (!in.ok() || !get_matches(in, keyframe->matches) || !in.at_end()) return malformed;
+  if (!get_features(in, keyframe->rig->camera, keyframe->features) || !get_matches(in, *keyframe) ||
+      !in.at_end())
+    return malformed;
   if (Status s = check_keyframe(*keyframe); !s) return Error{ErrorCode::kCorrupt, s.message()};
   decoded.keyframe = std::move(keyframe);
   return decoded;

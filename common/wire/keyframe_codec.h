@@ -1,11 +1,9 @@
 // A keyframe as bytes: what travels to the server, waits in the client's outbox, and is kept in the
-// server's journal and map file. About 40 bytes a feature and 7 a match.
+// server's journal and map file. About 31 bytes a feature (features_codec.h), and 5 for each that
+// shows a landmark made before.
 //
-// Measurements are rounded to what they are worth:
-//   position   16 bits over -1/4 .. +5/4 of the image (640 px wide: steps of 0.015 px)
-//   disparity  16 bits of 1/128 px, up to 512 px; 0 is unknown
-//   angle       8 bits of a turn, steps of 1.4 degrees
-// Noise, stamp, camera and poses are kept as they are.
+// Measurements are rounded to what they are worth; noise, stamp, camera and poses are kept as they
+// are.
 // Encoding what was decoded gives the same bytes again.
 //
 // Pure functions, safe from any thread.
@@ -17,10 +15,10 @@
 #include "common/model/keyframe.h"
 #include "common/util/status.h"
 #include "common/wire/bytes.h"
+#include "common/wire/features_codec.h"
 
 namespace cairn::wire {
 
-inline constexpr std::size_t kMaxFeatures = 10000;
 inline constexpr std::size_t kMaxKeyframeBytes = 1 << 20;
 inline constexpr std::size_t kMaxClientName = 64;
 

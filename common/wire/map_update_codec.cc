@@ -1,52 +1,31 @@
 #include "common/wire/map_update_codec.h"
 
-#include <cmath>
 #include <iterator>
 #include <string>
-#include <unordered_set>
 #include <utility>
 
 #include "common/wire/envelope.h"
 #include "common/wire/keyframe_codec.h"
+#include "common/wire/rounding.h"
 #include "common/wire/values.h"
 
 namespace cairn::wire {
 namespace {
 
 // Fewest bytes that one entry of each list can take: what a claimed length is checked against.
-constexpr std::size_t kMinPoseBytes = 2 + kRigidBytes;
-constexpr std::size_t kMinKeyframeRemovalBytes = 4 + kRigidBytes;
-constexpr std::size_t kMinLandmarkBytes = 2 + 12 + 6 + 8 + kDescriptorBytes + 1;
-constexpr std::size_t kMinLandmarkRemovalBytes = 3;
+constexpr std::size_t kMinPoseBytes = 2 + kPoseBytes;
+constexpr std::size_t kMinKeyframeRemovalBytes = 4 + kPoseBytes;
+constexpr std::size_t kMinMoveBytes = 1 + kPointBytes;
+constexpr std::size_t kMinLandmarkBytes = kMinMoveBytes + kNormalBytes + kRangeBytes + 3;
+constexpr std::size_t kMinLandmarkRemovalBytes = 2;
 
-constexpr double kMaxPosition = 1e7;       // metres
-constexpr double kNormalTolerance = 1e-3;  // covers the rounding to 16 bits
-constexpr double kNormalScale = 32767;
+// What one takes in a list of many, as a rule; and at most.
+constexpr std::size_t kUsualIdBytes = 2, kMostIdBytes = 20;
 
-Status unsound(const std::string& what) {
-  return {ErrorCode::kInvalidArgument, "map update: " + what};
-}
-
-template <typename List>
-bool has_duplicates(const List& list) {
-  std::unordered_set<decltype(list.front().id)> seen;
-  for (const auto& entry : list)
-    if (!seen.insert(entry.id).second) return true;
-  return false;
-}
-
-bool is_sound(const LandmarkState& l) {
-  if (!wire::is_sound(l.id) || l.observers.size() > LandmarkState::kMaxObservers) return false;
-  // NaN fails each of these comparisons.
-  if (!(l.position.cwiseAbs().maxCoeff() <= kMaxPosition) || !l.position.allFinite()) return false;
-  const double norm = l.normal.norm();
-  if (norm != 0 && !(std::abs(norm - 1) <= kNormalTolerance)) return false;
-  if (!(l.min_distance >= 0 && l.min_distance <= l.max_distance && l.max_distance <= kMaxPosition))
-    return false;
-  for (const KeyframeId& id : l.observers)
-    if (!id.is_valid()) return false;
-  return true;
-}
+// What a landmark's state has after its range: how many observers, and whether a feature of the
+// client's own shows it.
+constexpr std::uint8_t kObserversMask = 0x7, kShownBy = 0x8;
+static_assert(LandmarkState::kMaxObservers <= kObserversMask);
 
 EpochTableWriter collect_epochs(const MapUpdate& update) {
   EpochTableWriter epochs;
@@ -57,8 +36,10 @@ EpochTableWriter collect_epochs(const MapUpdate& update) {
   }
   for (const auto& l : update.landmarks) {
     epochs.add(l.id.origin);
-    for (const KeyframeId& id : l.observers) epochs.add(id.epoch);
+    for (const KeyframeId& id : l.observers)
+      if (id.epoch != update.epoch) epochs.add(id.epoch);
   }
+  for (const auto& l : update.moved_landmarks) epochs.add(l.id.origin);
   for (const auto& r : update.removed_landmarks) {
     epochs.add(r.id.origin);
     if (r.replaced_by) epochs.add(r.replaced_by->origin);
@@ -80,6 +61,7 @@ void put_head(ByteWriter& out, std::string_view client, const MapUpdate& update)
     put_rigid(out, {moved->rotation, moved->translation});
     out.put(moved->scale);
   }
+  for (int i = 0; i < 3; ++i) out.put(update.centre[i]);
 }
 
 bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
@@ -101,76 +83,179 @@ bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
     const Rigid3 rigid = get_rigid(in);
     update.new_map_from_old_map = Sim3(rigid.rotation, rigid.translation, in.get_double());
   }
+  for (int i = 0; i < 3; ++i) update.centre[i] = in.get_double();
+  // Before points are made of it.
+  return in.ok() && update.centre.allFinite();
+}
+
+// Keyframes of the client's own are told by how far they lie behind the newest mapped one.
+std::uint64_t behind(const MapUpdate& update, std::uint32_t sequence) {
+  return zigzag(std::int64_t{update.mapped_keyframes} - sequence);
+}
+
+// Not valid when there can be no such keyframe.
+KeyframeId own_keyframe(const MapUpdate& update, std::uint64_t behind) {
+  if (behind > std::uint64_t{1} << 33) return {};
+  const std::int64_t sequence = std::int64_t{update.mapped_keyframes} - unzigzag(behind);
+  if (sequence < 0 || sequence > std::int64_t{UINT32_MAX}) return {};
+  return {update.epoch, static_cast<std::uint32_t>(sequence)};
+}
+
+// The lowest bit tells whether it is another client's keyframe.
+void put_observer(ByteWriter& out, const MapUpdate& update, const EpochTableWriter& epochs,
+                  KeyframeId id) {
+  if (id.epoch == update.epoch) {
+    out.put_varint(behind(update, id.sequence) << 1);
+  } else {
+    out.put_varint(std::uint64_t{epochs.place(id.epoch)} << 1 | 1);
+    out.put_varint(id.sequence);
+  }
+}
+
+// Not valid when malformed.
+KeyframeId get_observer(ByteReader& in, const MapUpdate& update, const EpochTableReader& epochs) {
+  const std::uint64_t code = in.get_varint();
+  if ((code & 1) == 0) return in.ok() ? own_keyframe(update, code >> 1) : KeyframeId{};
+  const auto epoch = epochs.epoch(code >> 1);
+  const std::uint64_t sequence = in.get_varint();
+  if (!epoch || !in.ok() || sequence > UINT32_MAX) return {};
+  return {*epoch, static_cast<std::uint32_t>(sequence)};
+}
+
+void put_landmark(ByteWriter& out, const MapUpdate& update, const EpochTableWriter& epochs,
+                  const LandmarkState& l) {
+  put_point(out, l.position, update.centre);
+  put_normal(out, l.normal);
+  put_range(out, l.min_distance, l.max_distance);
+  out.put(static_cast<std::uint8_t>(l.observers.size() | (l.shown_by ? kShownBy : 0)));
+  if (l.shown_by) {
+    out.put_varint(behind(update, l.shown_by->sequence));
+    out.put_varint(l.shown_by->feature);
+  } else {
+    put_descriptor(out, l.descriptor);
+  }
+  for (const KeyframeId& id : l.observers) put_observer(out, update, epochs, id);
+}
+
+// False when malformed; what has no sound value is left to the check.
+bool get_landmark(ByteReader& in, const MapUpdate& update, const EpochTableReader& epochs,
+                  LandmarkState& l) {
+  l.position = get_point(in, update.centre);
+  l.normal = get_normal(in);
+  get_range(in, l.min_distance, l.max_distance);
+  const auto head = in.get<std::uint8_t>();
+  if ((head & ~(kObserversMask | kShownBy)) != 0) return false;
+  if ((head & kShownBy) != 0) {
+    const KeyframeId keyframe = own_keyframe(update, in.get_varint());
+    const std::uint64_t feature = in.get_varint();
+    if (!keyframe.is_valid() || feature >= kMaxFeatures) return false;
+    l.shown_by = {keyframe.sequence, static_cast<std::uint16_t>(feature)};
+  } else {
+    l.descriptor = get_descriptor(in);
+  }
+  for (int i = 0; i < (head & kObserversMask); ++i)
+    l.observers.push_back(get_observer(in, update, epochs));
   return in.ok();
 }
 
-void put_landmark(ByteWriter& out, const EpochTableWriter& epochs, const LandmarkState& l) {
-  epochs.put(out, l.id);
-  for (int i = 0; i < 3; ++i) out.put(static_cast<float>(l.position[i]));
-  for (int i = 0; i < 3; ++i) {
-    const auto q = static_cast<std::int16_t>(std::lround(l.normal[i] * kNormalScale));
-    out.put(static_cast<std::uint16_t>(q));
-  }
-  out.put(l.min_distance);
-  out.put(l.max_distance);
-  put_descriptor(out, l.descriptor);
-  out.put(static_cast<std::uint8_t>(l.observers.size()));
-  for (const KeyframeId& id : l.observers) epochs.put(out, id);
-}
-
-LandmarkState get_landmark(ByteReader& in, const EpochTableReader& epochs) {
-  LandmarkState l;
-  l.id = epochs.get_landmark(in);
-  for (int i = 0; i < 3; ++i) l.position[i] = in.get_float();
-  for (int i = 0; i < 3; ++i)
-    l.normal[i] = static_cast<std::int16_t>(in.get<std::uint16_t>()) / kNormalScale;
-  l.min_distance = in.get_float();
-  l.max_distance = in.get_float();
-  l.descriptor = get_descriptor(in);
-  const auto observers = in.get<std::uint8_t>();
-  // One more than allowed is enough for the check to object.
-  for (int i = 0; i < observers && i <= int{LandmarkState::kMaxObservers}; ++i)
-    l.observers.push_back(epochs.get_keyframe(in));
-  return l;
-}
-
-LandmarkRemoval get_landmark_removal(ByteReader& in, const EpochTableReader& epochs, bool& good) {
-  LandmarkRemoval r;
-  r.id = epochs.get_landmark(in);
+bool get_landmark_removal(ByteReader& in, const EpochTableReader& epochs, LandmarkRemoval& r) {
   const auto replaced = in.get<std::uint8_t>();
   if (replaced == 1) r.replaced_by = epochs.get_landmark(in);
-  good = good && replaced <= 1;
-  return r;
+  return replaced <= 1;
 }
 
-// Reads a length and then that many entries with `get`.
+// Reads a length and then that many entries with `get`, which tells whether the entry is one.
 template <typename Entry, typename Get>
 bool get_list(ByteReader& in, std::size_t min_bytes, std::vector<Entry>& list, Get&& get) {
   const std::uint64_t count = in.get_varint();
   if (!in.fits(count, min_bytes)) return false;
   list.reserve(count);
-  for (std::uint64_t i = 0; i < count && in.ok(); ++i) list.push_back(get());
+  for (std::uint64_t i = 0; i < count; ++i)
+    if (!get(list.emplace_back()) || !in.ok()) return false;
   return in.ok();
+}
+
+// The same for entries that begin with a landmark's id.
+template <typename Entry, typename Get>
+bool get_landmark_list(ByteReader& in, const EpochTableReader& epochs, std::size_t min_bytes,
+                       std::vector<Entry>& list, Get&& get) {
+  AscendingIdsReader ids(epochs);
+  return get_list(in, min_bytes, list, [&](Entry& entry) {
+    entry.id = ids.get(in);
+    return get(entry);
+  });
 }
 
 bool get_lists(ByteReader& in, MapUpdate& update) {
   EpochTableReader epochs;
-  bool good = epochs.read(in);
-  good = good && get_list(in, kMinPoseBytes, update.keyframes, [&] {
-           const KeyframeId id = epochs.get_keyframe(in);
-           return KeyframePose{id, get_rigid(in)};
-         });
-  good = good && get_list(in, kMinKeyframeRemovalBytes, update.removed_keyframes, [&] {
-           const KeyframeId id = epochs.get_keyframe(in);
-           const KeyframeId anchor = epochs.get_keyframe(in);
-           return KeyframeRemoval{id, anchor, get_rigid(in)};
-         });
-  good = good && get_list(in, kMinLandmarkBytes, update.landmarks,
-                          [&] { return get_landmark(in, epochs); });
-  bool flags_good = true;
-  good = good && get_list(in, kMinLandmarkRemovalBytes, update.removed_landmarks,
-                          [&] { return get_landmark_removal(in, epochs, flags_good); });
-  return good && flags_good;
+  if (!epochs.read(in)) return false;
+  const bool keyframes = get_list(in, kMinPoseBytes, update.keyframes, [&](KeyframePose& k) {
+    k.id = epochs.get_keyframe(in);
+    k.map_from_camera = get_pose(in, update.centre);
+    return true;
+  });
+  const auto get_removal = [&](KeyframeRemoval& r) {
+    r.id = epochs.get_keyframe(in);
+    r.anchor = epochs.get_keyframe(in);
+    r.anchor_from_camera = get_pose(in, Eigen::Vector3d::Zero());
+    return true;
+  };
+  if (!keyframes || !get_list(in, kMinKeyframeRemovalBytes, update.removed_keyframes, get_removal))
+    return false;
+  const bool landmarks =
+      get_landmark_list(in, epochs, kMinLandmarkBytes, update.landmarks,
+                        [&](LandmarkState& l) { return get_landmark(in, update, epochs, l); });
+  return landmarks &&
+         get_landmark_list(in, epochs, kMinMoveBytes, update.moved_landmarks,
+                           [&](LandmarkMove& l) {
+                             l.position = get_point(in, update.centre);
+                             return true;
+                           }) &&
+         get_landmark_list(in, epochs, kMinLandmarkRemovalBytes, update.removed_landmarks,
+                           [&](LandmarkRemoval& r) { return get_landmark_removal(in, epochs, r); });
+}
+
+// Writes a length and then each entry with `put`.
+template <typename Entry, typename Put>
+void put_list(ByteWriter& out, const std::vector<Entry>& list, Put&& put) {
+  out.put_varint(list.size());
+  for (const Entry& entry : list) put(entry);
+}
+
+template <typename Entry, typename Put>
+void put_landmark_list(ByteWriter& out, const EpochTableWriter& epochs,
+                       const std::vector<Entry>& list, Put&& put) {
+  AscendingIdsWriter ids(epochs);
+  put_list(out, list, [&](const Entry& entry) {
+    ids.put(out, entry.id);
+    put(entry);
+  });
+}
+
+void put_lists(ByteWriter& out, const MapUpdate& update) {
+  const EpochTableWriter epochs = collect_epochs(update);
+  epochs.put_table(out);
+  put_list(out, update.keyframes, [&](const KeyframePose& k) {
+    epochs.put(out, k.id);
+    put_pose(out, k.map_from_camera, update.centre);
+  });
+  put_list(out, update.removed_keyframes, [&](const KeyframeRemoval& r) {
+    epochs.put(out, r.id);
+    epochs.put(out, r.anchor);
+    put_pose(out, r.anchor_from_camera, Eigen::Vector3d::Zero());
+  });
+  put_landmark_list(out, epochs, update.landmarks,
+                    [&](const LandmarkState& l) { put_landmark(out, update, epochs, l); });
+  put_landmark_list(out, epochs, update.moved_landmarks,
+                    [&](const LandmarkMove& l) { put_point(out, l.position, update.centre); });
+  put_landmark_list(out, epochs, update.removed_landmarks, [&](const LandmarkRemoval& r) {
+    out.put(static_cast<std::uint8_t>(r.replaced_by.has_value()));
+    if (r.replaced_by) epochs.put(out, *r.replaced_by);
+  });
+}
+
+std::size_t most_bytes(const LandmarkState& l) {
+  return kMinLandmarkBytes + kMostIdBytes + kDescriptorBytes + 12 * l.observers.size();
 }
 
 // Moves the entries of `list` from `next` on into `part` until `room` bytes are used up.
@@ -190,60 +275,32 @@ void append(std::vector<Entry>& to, std::vector<Entry>& from) {
 
 }  // namespace
 
-Status check_map_update(const MapUpdate& update) {
-  if (update.map.value == 0) return unsound("map id is zero");
-  if (update.epoch == 0) return unsound("epoch is zero");
-  if (update.revision <= update.base_revision) return unsound("revision does not grow");
-  if (update.new_map_from_old_map && !wire::is_sound(*update.new_map_from_old_map))
-    return unsound("motion of the map is no similarity");
-  for (const auto& k : update.keyframes)
-    if (!k.id.is_valid() || !wire::is_sound(k.map_from_camera))
-      return unsound("keyframe with an impossible id or pose");
-  for (const auto& r : update.removed_keyframes)
-    if (!r.id.is_valid() || !r.anchor.is_valid() || r.anchor == r.id ||
-        !wire::is_sound(r.anchor_from_camera))
-      return unsound("removed keyframe with an impossible id, anchor or pose");
-  for (const auto& l : update.landmarks)
-    if (!is_sound(l)) return unsound("landmark with an impossible id or value");
-  for (const auto& r : update.removed_landmarks)
-    if (!wire::is_sound(r.id) ||
-        (r.replaced_by && (!wire::is_sound(*r.replaced_by) || *r.replaced_by == r.id)))
-      return unsound("removed landmark with an impossible id");
-  if (has_duplicates(update.keyframes) || has_duplicates(update.removed_keyframes) ||
-      has_duplicates(update.landmarks) || has_duplicates(update.removed_landmarks))
-    return unsound("an id stands twice in one list");
-  return {};
-}
-
 Result<Blob> encode_map_update(std::string_view client, const MapUpdate& update) {
   if (Status s = check_client_name(client); !s) return s.error();
   if (Status s = check_map_update(update); !s) return s.error();
-  const EpochTableWriter epochs = collect_epochs(update);
-  ByteWriter out(256 + update.keyframes.size() * 70 + update.landmarks.size() * 100);
+  ByteWriter out(256 + update.keyframes.size() * 24 + update.landmarks.size() * 60 +
+                 update.moved_landmarks.size() * 8 + update.removed_landmarks.size() * 4);
   put_head(out, client, update);
-  epochs.put_table(out);
-  out.put_varint(update.keyframes.size());
-  for (const auto& k : update.keyframes) {
-    epochs.put(out, k.id);
-    put_rigid(out, k.map_from_camera);
-  }
-  out.put_varint(update.removed_keyframes.size());
-  for (const auto& r : update.removed_keyframes) {
-    epochs.put(out, r.id);
-    epochs.put(out, r.anchor);
-    put_rigid(out, r.anchor_from_camera);
-  }
-  out.put_varint(update.landmarks.size());
-  for (const auto& l : update.landmarks) put_landmark(out, epochs, l);
-  out.put_varint(update.removed_landmarks.size());
-  for (const auto& r : update.removed_landmarks) {
-    epochs.put(out, r.id);
-    out.put(static_cast<std::uint8_t>(r.replaced_by.has_value()));
-    if (r.replaced_by) epochs.put(out, *r.replaced_by);
-  }
+  put_lists(out, update);
   if (out.size() > kMaxMapUpdateBytes - kEnvelopeSize)
-    return unsound("too large, split it").error();
+    return Error{ErrorCode::kInvalidArgument, "map update: too large, split it"};
   return seal(kMapUpdateFormat, out.take());
+}
+
+std::size_t usual_bytes(const LandmarkState& l) {
+  const std::size_t look = l.shown_by ? 3 : kDescriptorBytes;
+  return kUsualIdBytes + kPointBytes + kNormalBytes + kRangeBytes + 1 + look + l.observers.size();
+}
+
+std::size_t usual_bytes(const LandmarkMove&) {
+  return kUsualIdBytes + kPointBytes;
+}
+
+std::size_t encoded_bytes(std::string_view client, const MapUpdate& update) {
+  ByteWriter out(256 + update.landmarks.size() * 60 + update.moved_landmarks.size() * 8);
+  put_head(out, client, update);
+  put_lists(out, update);
+  return kEnvelopeSize + out.size();
 }
 
 Result<DecodedMapUpdate> decode_map_update(Bytes blob) {
@@ -263,7 +320,10 @@ Result<DecodedMapUpdate> decode_map_update(Bytes blob) {
 std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t first_revision,
                                         std::size_t max_bytes) {
   std::vector<MapUpdate> parts;
-  std::size_t k = 0, rk = 0, l = 0, rl = 0;
+  struct {
+    std::size_t keyframes = 0, removed_keyframes = 0;
+    std::size_t landmarks = 0, moved_landmarks = 0, removed_landmarks = 0;
+  } next;
   do {
     MapUpdate part;
     part.map = update.map;
@@ -272,23 +332,28 @@ std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t f
     part.mapped_keyframes = update.mapped_keyframes;
     part.settled = update.settled;
     part.landmarks_follow = update.landmarks_follow;
+    part.centre = update.centre;
     part.base_revision = parts.empty() ? update.base_revision : parts.back().revision;
     part.revision = first_revision + parts.size();
     if (parts.empty()) part.new_map_from_old_map = update.new_map_from_old_map;
     // The head, the table of epochs and one entry too many fit into this margin.
     auto room = static_cast<std::ptrdiff_t>(max_bytes) - 1000;
     if (room < 1) room = 1;
-    fill(update.keyframes, k, part.keyframes, room, [](const auto&) { return kRigidBytes + 8; });
-    fill(update.removed_keyframes, rk, part.removed_keyframes, room,
-         [](const auto&) { return kRigidBytes + 16; });
-    fill(update.landmarks, l, part.landmarks, room, [](const LandmarkState& state) {
-      return kMinLandmarkBytes + 10 + 7 * state.observers.size();
-    });
-    fill(update.removed_landmarks, rl, part.removed_landmarks, room,
-         [](const auto&) { return std::size_t{25}; });
+    fill(update.keyframes, next.keyframes, part.keyframes, room,
+         [](const auto&) { return kPoseBytes + 8; });
+    fill(update.removed_keyframes, next.removed_keyframes, part.removed_keyframes, room,
+         [](const auto&) { return kPoseBytes + 16; });
+    fill(update.landmarks, next.landmarks, part.landmarks, room, most_bytes);
+    fill(update.moved_landmarks, next.moved_landmarks, part.moved_landmarks, room,
+         [](const auto&) { return kMostIdBytes + kPointBytes; });
+    fill(update.removed_landmarks, next.removed_landmarks, part.removed_landmarks, room,
+         [](const auto&) { return 2 * kMostIdBytes + 1; });
     parts.push_back(std::move(part));
-  } while (k < update.keyframes.size() || rk < update.removed_keyframes.size() ||
-           l < update.landmarks.size() || rl < update.removed_landmarks.size());
+  } while (next.keyframes < update.keyframes.size() ||
+           next.removed_keyframes < update.removed_keyframes.size() ||
+           next.landmarks < update.landmarks.size() ||
+           next.moved_landmarks < update.moved_landmarks.size() ||
+           next.removed_landmarks < update.removed_landmarks.size());
   return parts;
 }
 
@@ -299,6 +364,7 @@ void append_part(MapUpdate& whole, MapUpdate part) {
   append(whole.keyframes, part.keyframes);
   append(whole.removed_keyframes, part.removed_keyframes);
   append(whole.landmarks, part.landmarks);
+  append(whole.moved_landmarks, part.moved_landmarks);
   append(whole.removed_landmarks, part.removed_landmarks);
 }
 

@@ -59,7 +59,7 @@ template <>
 struct Mapping<KeyframeMessage> {
   using Sample = cairn_wire_KeyframeSample;
   static dds::TopicType topic() {
-    return {"cairn_keyframe_v1", &cairn_wire_KeyframeSample_desc, dds::Quality::kStream};
+    return {"cairn_keyframe_v2", &cairn_wire_KeyframeSample_desc, dds::Quality::kStream};
   }
   static void to(const KeyframeMessage& m, Sample& s) {
     put_client(s, m.client);
@@ -79,7 +79,7 @@ template <>
 struct Mapping<MapUpdateMessage> {
   using Sample = cairn_wire_MapUpdateSample;
   static dds::TopicType topic() {
-    return {"cairn_map_update_v1", &cairn_wire_MapUpdateSample_desc, dds::Quality::kHistory};
+    return {"cairn_map_update_v2", &cairn_wire_MapUpdateSample_desc, dds::Quality::kHistory};
   }
   static void to(const MapUpdateMessage& m, Sample& s) {
     put_client(s, m.client);

@@ -101,4 +101,33 @@ LandmarkId EpochTableReader::get_landmark(ByteReader& in) const {
   return {epochs_[place], number};
 }
 
+// The lowest bit tells whether the epoch is that of the id before, and the rest how many numbers
+// lie between the two, or else which epoch it is.
+void AscendingIdsWriter::put(ByteWriter& out, LandmarkId id) {
+  const bool follows =
+      before_.is_valid() && id.origin == before_.origin && id.number > before_.number;
+  const std::uint64_t between = follows ? id.number - before_.number - 1 : 0;
+  if (follows && between >> 63 == 0) {
+    out.put_varint(between << 1);
+  } else {
+    out.put_varint(std::uint64_t{epochs_.place(id.origin)} << 1 | 1);
+    out.put_varint(id.number);
+  }
+  before_ = id;
+}
+
+LandmarkId AscendingIdsReader::get(ByteReader& in) {
+  const std::uint64_t code = in.get_varint();
+  if ((code & 1) != 0) {
+    const std::uint64_t number = in.get_varint();
+    const auto epoch = epochs_.epoch(code >> 1);
+    before_ = epoch && in.ok() ? LandmarkId{*epoch, number} : LandmarkId{};
+  } else {
+    const std::uint64_t step = (code >> 1) + 1;
+    const bool good = before_.is_valid() && in.ok() && before_.number <= UINT64_MAX - step;
+    before_ = good ? LandmarkId{before_.origin, before_.number + step} : LandmarkId{};
+  }
+  return before_;
+}
+
 }  // namespace cairn::wire

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -37,6 +38,7 @@ class EpochTableWriter {
   void put_table(ByteWriter& out) const;
   void put(ByteWriter& out, KeyframeId id) const;
   void put(ByteWriter& out, LandmarkId id) const;
+  std::uint32_t place(std::uint64_t epoch) const { return places_.at(epoch); }
 
  private:
   std::unordered_map<std::uint64_t, std::uint32_t> places_;
@@ -50,9 +52,44 @@ class EpochTableReader {
   bool read(ByteReader& in);
   KeyframeId get_keyframe(ByteReader& in) const;
   LandmarkId get_landmark(ByteReader& in) const;
+  // Nothing when the table is shorter.
+  std::optional<std::uint64_t> epoch(std::uint64_t place) const {
+    return place < epochs_.size() ? std::optional(epochs_[place]) : std::nullopt;
+  }
 
  private:
   std::vector<std::uint64_t> epochs_;
 };
+
+// The landmark ids of one list, ascending: each by its distance from the one before, most in a byte
+// or two.
+class AscendingIdsWriter {
+ public:
+  explicit AscendingIdsWriter(const EpochTableWriter& epochs) : epochs_(epochs) {}
+  void put(ByteWriter& out, LandmarkId id);
+
+ private:
+  const EpochTableWriter& epochs_;
+  LandmarkId before_;
+};
+
+class AscendingIdsReader {
+ public:
+  explicit AscendingIdsReader(const EpochTableReader& epochs) : epochs_(epochs) {}
+  // Not valid when malformed; of any order.
+  LandmarkId get(ByteReader& in);
+
+ private:
+  const EpochTableReader& epochs_;
+  LandmarkId before_;
+};
+
+// Numbers of either sign as numbers without, small ones as small ones: for varints.
+inline std::uint64_t zigzag(std::int64_t value) {
+  return static_cast<std::uint64_t>(value) << 1 ^ static_cast<std::uint64_t>(value >> 63);
+}
+inline std::int64_t unzigzag(std::uint64_t code) {
+  return static_cast<std::int64_t>(code >> 1 ^ -(code & 1));
+}
 
 }  // namespace cairn::wire

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <unordered_set>
 
+#include "common/wire/map_update_codec.h"
 #include "server/publish/landmark_state.h"
 #include "server/publish/neighbourhood.h"
 
@@ -13,8 +14,17 @@ namespace {
 constexpr std::size_t kChecksEach = 1000;
 // After a refresh the client may still hold landmarks that it made from so many latest keyframes.
 constexpr std::uint32_t kProvisionalKeyframes = 60;
+
 // Keyframes that are asked for a way to one that was culled.
 constexpr int kNearestAsked = 20;
+
+// What news is worth, in pixels that it puts right or as good as puts right. A landmark that the
+// client does not have can't be matched at all; one whose place is not known may be anywhere.
+constexpr double kWorthOfNew = 10, kWorthOfPlace = 5, kMostWorthOfMove = 10;
+// Of knowing better what it looks like and who sees it, once there are twice the observations.
+constexpr double kWorthOfLook = 0.5;
+// What lies beside the client's view counts so much.
+constexpr double kBeside = 0.3;
 
 // The name that a client's landmark goes by now; nothing when it is gone.
 std::optional<LandmarkId> name_now(const Map& map, LandmarkId id) {
@@ -43,6 +53,19 @@ KeyframeId root_of(const Map& map, KeyframeId id) {
   return id;
 }
 
+template <typename List>
+void sort_by_id(List& list) {
+  std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+}
+
+void sort_by_id(MapUpdate& update) {
+  sort_by_id(update.keyframes);
+  sort_by_id(update.removed_keyframes);
+  sort_by_id(update.landmarks);
+  sort_by_id(update.moved_landmarks);
+  sort_by_id(update.removed_landmarks);
+}
+
 }  // namespace
 
 std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t mapped_keyframes,
@@ -60,17 +83,22 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
   update.mapped_keyframes = mapped_keyframes_ = mapped_keyframes;
   update.settled = settled_ = settled;
   map_ = map.id;
+  if (refresh) provisional_from_ = mapped_keyframes;
 
   compare_keyframes(map, mapped_keyframes, update);
+  move_anchored(map);
   check_vanished(map, update);
-  compare_landmarks_around(map, update);
+  tell_of_landmarks_around(map, update);
   take_back_the_farthest(update);
 
   if (!news && update.keyframes.empty() && update.removed_keyframes.empty() &&
-      update.landmarks.empty() && update.removed_landmarks.empty())
+      update.landmarks.empty() && update.moved_landmarks.empty() &&
+      update.removed_landmarks.empty())
     return std::nullopt;
+  sort_by_id(update);
   update.base_revision = refresh ? 0 : revision_;
   update.revision = ++revision_;
+  budget_.spend(wire::encoded_bytes({}, update));
   return update;
 }
 
@@ -84,7 +112,7 @@ void ClientView::follow_loops(const Map& map, MapUpdate& update) {
     const bool split = std::binary_search(loop.split.begin(), loop.split.end(), epoch_);
     if (!loop.merges || split) {
       update.landmarks_follow = true;
-      for (Known& known : known_) known.told = false;
+      for (KnownLandmark& known : known_.slots()) known.position.reset();
     }
     // What they were told to hang on may lie in the other part.
     for (OwnKeyframe& own : keyframes_)
@@ -96,7 +124,8 @@ void ClientView::follow_loops(const Map& map, MapUpdate& update) {
   }
   if (!update.new_map_from_old_map) return;
   for (OwnKeyframe& own : keyframes_) own.map_from_camera = move.move_pose(own.map_from_camera);
-  for (Known& known : known_) known.position = move * known.position;
+  for (KnownLandmark& known : known_.slots())
+    if (known.position) known.position = move * *known.position;
 }
 
 void ClientView::start_over() {
@@ -105,9 +134,8 @@ void ClientView::start_over() {
   for (std::size_t i = keyframes_.size() - latest; i < keyframes_.size(); ++i)
     keyframes_[i].counted = false;
   known_.clear();
-  free_.clear();
-  slot_of_.clear();
   near_.clear();
+  anchored_.clear();
   next_check_ = 0;
 }
 
@@ -188,23 +216,55 @@ std::optional<KeyframeId> ClientView::nearest_own(const Map& map, std::uint32_t 
   return nearest;
 }
 
-// The client has had them since it made the keyframe. Those that the map refused, or that are gone
-// already, are reported by the check that follows.
+// The client has had them since it made the keyframe, and knows what they look like; unless it has
+// started over since. Those that the map refused, or that are gone already, are reported by the
+// check that follows.
 void ClientView::count_own_landmarks(const KeyframeNode& node) {
   // A monocular client names a landmark after the earlier of the two keyframes that made it.
   const bool mono = node.rig().sensor == Sensor::kMono;
-  for (const LandmarkMatch& match : node.keyframe->matches)
-    if (match.landmark == LandmarkId::from_feature(node.keyframe->id, match.feature) ||
-        (mono && match.landmark.origin == epoch_))
-      near_.push_back(know(match.landmark));
+  const bool is_held = node.keyframe->id.sequence >= provisional_from_;
+  for (const LandmarkMatch& match : node.keyframe->matches) {
+    const bool makes = match.landmark == LandmarkId::from_feature(node.keyframe->id, match.feature);
+    if (!makes && !(mono && match.landmark.origin == epoch_)) continue;
+    const bool is_new = !known_.find(match.landmark);
+    const Slot slot = known_.know(match.landmark);
+    near_.push_back(slot);
+    if (!is_new || !is_held) continue;
+    known_[slot].described = true;
+    known_[slot].observations = makes ? 1 : 2;
+    known_[slot].anchored = makes;
+    if (makes) anchored_.push_back(slot);
+  }
+}
+
+// What the client has made from depth moves with the keyframe that made it until that one has been
+// through local mapping, and stays from then on.
+void ClientView::move_anchored(const Map& map) {
+  std::erase_if(anchored_, [&](Slot slot) {
+    KnownLandmark& known = known_[slot];
+    if (!known.anchored) return true;
+    const KeyframeId creator = known.id.creator();
+    const KeyframeNode* node = map.keyframes.find(creator);
+    const std::uint16_t f = known.id.creator_feature();
+    known.position.reset();
+    if (node && node->features().points[f].has_depth()) {
+      const Feature& feature = node->features().points[f];
+      const PinholeCamera& camera = node->rig().camera;
+      known.position = keyframes_[creator.sequence].map_from_camera *
+                       camera.unproject(feature.pixel(), camera.depth(feature.disparity));
+    }
+    known.anchored = creator.sequence >= mapped_keyframes_;
+    return !known.anchored;
+  });
 }
 
 void ClientView::check_vanished(const Map& map, MapUpdate& update) {
   // New names join near_ while it is gone through; they need no check.
   const std::vector<Slot> were_near = std::exchange(near_, {});
   for (const Slot slot : were_near) check_vanished(map, slot, update);
-  for (std::size_t i = 0; i < std::min(kChecksEach, known_.size()); ++i) {
-    if (next_check_ >= known_.size()) next_check_ = 0;
+  const std::size_t all = known_.slots().size();
+  for (std::size_t i = 0; i < std::min(kChecksEach, all); ++i) {
+    if (next_check_ >= all) next_check_ = 0;
     check_vanished(map, next_check_++, update);
   }
 }
@@ -214,99 +274,154 @@ void ClientView::check_vanished(const Map& map, Slot slot, MapUpdate& update) {
   if (!id.is_valid() || map.landmarks.contains(id)) return;
   const std::optional<LandmarkId> replaced_by = name_now(map, id);
   update.removed_landmarks.push_back({id, replaced_by});
-  forget(slot);
+  known_.forget(slot);
   if (!replaced_by) return;
   // A name that the client does not know would be no use to it.
-  const Slot now = know(*replaced_by);
+  const Slot now = known_.know(*replaced_by);
   near_.push_back(now);
-  if (!known_[now].told) tell(map.landmarks.at(*replaced_by), known_[now], update);
+  if (known_[now].described) return;
+  const Landmark& landmark = map.landmarks.at(*replaced_by);
+  tell({.landmark = &landmark,
+        .slot = now,
+        .describes = true,
+        .shown_by = own_feature_of(map, landmark)},
+       update);
 }
 
-void ClientView::compare_landmarks_around(const Map& map, MapUpdate& update) {
+void ClientView::tell_of_landmarks_around(const Map& map, MapUpdate& update) {
   auto latest = static_cast<std::uint32_t>(keyframes_.size());
   while (latest > 0 && !map.keyframes.contains({epoch_, latest - 1})) --latest;
   if (latest == 0) return;
   const auto around = neighbourhood(map, {epoch_, latest - 1}, options_.keyframes_around);
-  for (const KeyframeNode* node : around) {
-    for (const LandmarkId& id : node->landmarks) {
+  const KeyframeNode* before = latest > 1 ? map.keyframes.find({epoch_, latest - 2}) : nullptr;
+  const Outlook outlook(*around.front(), before);
+  update.centre = outlook.centre();
+  budget_.advance(around.front()->keyframe->stamp_ns);
+
+  std::vector<News> all = news_around(map, around, outlook);
+  std::sort(all.begin(), all.end(), [](const News& a, const News& b) {
+    const double of_a = a.worth / static_cast<double>(a.bytes);
+    const double of_b = b.worth / static_cast<double>(b.bytes);
+    if (of_a != of_b) return of_a > of_b;
+    if (a.closeness != b.closeness) return a.closeness < b.closeness;
+    return a.landmark->id < b.landmark->id;
+  });
+  double room = budget_.available() - static_cast<double>(wire::encoded_bytes({}, update));
+  for (const News& news : all) {
+    room -= static_cast<double>(news.bytes);
+    if (room < 0) break;
+    tell(news, update);
+  }
+}
+
+std::vector<ClientView::News> ClientView::news_around(
+    const Map& map, const std::vector<const KeyframeNode*>& around, const Outlook& outlook) {
+  std::vector<News> all;
+  std::unordered_set<LandmarkId> strangers;
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    for (const LandmarkId& id : around[i]->landmarks) {
       if (!id.is_valid()) continue;
-      const auto known = slot_of_.find(id);
-      if (known == slot_of_.end() && update.landmarks.size() >= options_.max_landmarks) continue;
-      const Slot slot = known == slot_of_.end() ? know(id) : known->second;
-      if (known_[slot].last_near == differences_) continue;
-      known_[slot].last_near = differences_;
-      near_.push_back(slot);
-      compare_landmark(map.landmarks.at(id), slot, around.front()->map_from_camera.translation,
-                       update);
+      const auto slot = known_.find(id);
+      if (slot) {
+        if (known_[*slot].last_near == differences_) continue;
+        known_[*slot].last_near = differences_;
+        near_.push_back(*slot);
+      } else if (!strangers.insert(id).second) {
+        continue;
+      }
+      auto news = news_of(map, map.landmarks.at(id), outlook, slot);
+      if (!news) continue;
+      news->closeness = i;
+      all.push_back(*news);
     }
   }
+  return all;
 }
 
-void ClientView::compare_landmark(const Landmark& landmark, Slot slot,
-                                  const Eigen::Vector3d& camera, MapUpdate& update) {
-  Known& known = known_[slot];
-  if (known.told && known.revision == landmark.revision) return;
-  if (known.told) {
-    const double moved = (landmark.position - known.position).norm();
-    const double distance = (landmark.position - camera).norm();
-    const double limit =
-        std::max(options_.landmark_moved, options_.landmark_moved_share * distance);
+std::optional<ClientView::News> ClientView::news_of(const Map& map, const Landmark& landmark,
+                                                    const Outlook& outlook,
+                                                    std::optional<Slot> slot) {
+  KnownLandmark* known = slot ? &known_[*slot] : nullptr;
+  if (known && known->described && known->position && !known->anchored &&
+      known->revision == landmark.revision)
+    return std::nullopt;
+  News news{.landmark = &landmark, .slot = slot};
+  const bool is_described = known && known->described;
+  if (!is_described) {
+    news.describes = true;
+    news.worth = kWorthOfNew;
+  } else {
+    const double shift =
+        known->position ? outlook.shift_px(*known->position, landmark.position) : 0;
+    if (!known->position) news.worth = kWorthOfPlace;
+    if (shift > options_.landmark_moved_px) news.worth = std::min(shift, kMostWorthOfMove);
     // Twice the observations make a better descriptor and range of distances.
-    if (moved <= limit && landmark.observations.size() < 2 * std::size_t{known.observations}) {
-      known.revision = landmark.revision;
-      return;
+    if (landmark.observations.size() >= 2 * std::size_t{known->observations}) {
+      news.describes = true;
+      news.worth += kWorthOfLook;
+    }
+    if (news.worth == 0) {
+      known->revision = landmark.revision;
+      return std::nullopt;
     }
   }
-  if (update.landmarks.size() < options_.max_landmarks) tell(landmark, known, update);
+  if (!outlook.shows(landmark.position)) news.worth *= kBeside;
+  if (news.describes) news.shown_by = own_feature_of(map, landmark);
+  news.bytes = news.describes ? wire::usual_bytes(state_of(landmark, news.shown_by))
+                              : wire::usual_bytes(LandmarkMove{});
+  return news;
 }
 
-void ClientView::tell(const Landmark& landmark, Known& known, MapUpdate& update) const {
-  known.told = true;
-  known.revision = landmark.revision;
+// The feature of a late enough keyframe of the client's own whose descriptor the landmark has.
+std::optional<OwnFeature> ClientView::own_feature_of(const Map& map,
+                                                     const Landmark& landmark) const {
+  for (auto o = landmark.observations.rbegin(); o != landmark.observations.rend(); ++o) {
+    const KeyframeId id = o->keyframe;
+    if (id.epoch != epoch_ || id.sequence + LandmarkState::kShownByLatest < mapped_keyframes_)
+      continue;
+    if (map.keyframes.at(id).features().descriptors[o->feature] == landmark.descriptor)
+      return OwnFeature{id.sequence, o->feature};
+  }
+  return std::nullopt;
+}
+
+void ClientView::tell(const News& news, MapUpdate& update) {
+  const Landmark& landmark = *news.landmark;
+  const Slot slot = news.slot ? *news.slot : known_.know(landmark.id);
+  KnownLandmark& known = known_[slot];
+  if (!news.slot) {
+    known.last_near = differences_;
+    near_.push_back(slot);
+  }
+  known.anchored = false;
   known.position = landmark.position;
+  known.revision = landmark.revision;
+  if (!news.describes) {
+    update.moved_landmarks.push_back({landmark.id, landmark.position});
+    return;
+  }
+  known.described = true;
   known.observations = static_cast<std::uint32_t>(landmark.observations.size());
-  update.landmarks.push_back(state_of(landmark));
+  update.landmarks.push_back(state_of(landmark, news.shown_by));
 }
 
 void ClientView::take_back_the_farthest(MapUpdate& update) {
-  if (slot_of_.size() <= options_.max_known) return;
+  if (known_.size() <= options_.max_known) return;
+  const auto& slots = known_.slots();
   std::vector<Slot> candidates;
-  for (Slot slot = 0; slot < known_.size(); ++slot)
-    if (known_[slot].id.is_valid() && known_[slot].last_near < differences_)
+  for (Slot slot = 0; slot < slots.size(); ++slot)
+    if (slots[slot].id.is_valid() && slots[slot].last_near < differences_)
       candidates.push_back(slot);
   // A tenth more than needed, so that this happens rarely.
-  const std::size_t wanted = slot_of_.size() - options_.max_known + options_.max_known / 10;
+  const std::size_t wanted = known_.size() - options_.max_known + options_.max_known / 10;
   const std::size_t count = std::min(wanted, candidates.size());
   std::sort(candidates.begin(), candidates.end(), [&](Slot a, Slot b) {
-    return std::pair(known_[a].last_near, known_[a].id) <
-           std::pair(known_[b].last_near, known_[b].id);
+    return std::pair(slots[a].last_near, slots[a].id) < std::pair(slots[b].last_near, slots[b].id);
   });
   for (std::size_t i = 0; i < count; ++i) {
-    update.removed_landmarks.push_back({known_[candidates[i]].id, std::nullopt});
-    forget(candidates[i]);
+    update.removed_landmarks.push_back({slots[candidates[i]].id, std::nullopt});
+    known_.forget(candidates[i]);
   }
-}
-
-ClientView::Slot ClientView::know(LandmarkId id) {
-  const auto found = slot_of_.find(id);
-  if (found != slot_of_.end()) return found->second;
-  Slot slot = static_cast<Slot>(known_.size());
-  if (free_.empty()) {
-    known_.emplace_back();
-  } else {
-    slot = free_.back();
-    free_.pop_back();
-  }
-  known_[slot].id = id;
-  known_[slot].last_near = differences_ - 1;
-  slot_of_.emplace(id, slot);
-  return slot;
-}
-
-void ClientView::forget(Slot slot) {
-  slot_of_.erase(known_[slot].id);
-  known_[slot] = {};
-  free_.push_back(slot);
 }
 
 }  // namespace cairn

@@ -6,34 +6,41 @@
 //
 // A client hears about
 // - its own keyframes: every one that has moved or was culled, wherever it is, at once;
-// - landmarks around it: those of the keyframes most covisible with its latest one that are new to
-//   it or have moved, the nearest relations first, a limited number an update; the rest comes with
-//   the next updates. What has moved by less than the client could notice is not sent again;
 // - landmarks that it knows and that are gone or go by another name: at once around it, elsewhere
-//   within some updates.
+//   within some updates;
+// - landmarks around it: those of the keyframes most covisible with its latest one that are new to
+//   it, lie elsewhere than it believes, or are known better than when they were described to it.
+//   What is worth most a byte comes first: what is in its view or about to be, before what is
+//   beside, and what is off by many pixels before what is off by few. What has moved by less than
+//   the client could notice is not sent.
+// The last are bounded by a budget of bytes a second (byte_budget.h); what doesn't fit comes with
+// the next updates, if it is still wanted then.
+//
 // The view also bounds what the client has to keep: landmarks that it has not been near for longest
 // are taken back when there are too many, and sent again when it returns.
 #pragma once
 
 #include <cstdint>
 #include <optional>
-#include <unordered_map>
 #include <vector>
 
 #include "common/model/map_update.h"
 #include "server/map/map.h"
+#include "server/publish/byte_budget.h"
+#include "server/publish/known_landmarks.h"
+#include "server/publish/outlook.h"
 
 namespace cairn {
 
 struct PublishOptions {
   // A keyframe is sent again when it has moved by more than these, metres and radians.
   double pose_moved = 1e-4, pose_turned = 1e-4;
-  // A landmark, by more than this (metres) and more than this share of its distance from the
-  // camera: 3e-4 shows as a sixth of a pixel at fx = 520.
-  double landmark_moved = 5e-4, landmark_moved_share = 3e-4;
+  // A landmark, when the client could notice by more than so many pixels (Outlook::shift_px).
+  double landmark_moved_px = 0.05;
   std::size_t keyframes_around = 30;
-  std::size_t max_landmarks = 1000;  // new or moved, an update; about 90 bytes each on the wire
-  std::size_t max_known = 20'000;    // landmarks that the client is left with
+  std::size_t max_known = 20'000;  // landmarks that the client is left with
+  // Bytes of updates a second of the client's time, in the long run, and how many it can save.
+  double bytes_per_s = 45'000, most_saved_bytes = 100'000;
 };
 
 // One for each run of a client; copies nothing of the map but what it needs to compare. For one
@@ -46,7 +53,7 @@ class ClientView {
   };
 
   explicit ClientView(std::uint64_t epoch, const PublishOptions& options = {})
-      : epoch_(epoch), options_(options) {}
+      : epoch_(epoch), options_(options), budget_(options.bytes_per_s, options.most_saved_bytes) {}
 
   // What to tell the client; from then on it is taken as told. Nothing when there is nothing to
   // tell. The first update and the first one from another map are refreshes. Keyframes 0 ..
@@ -55,7 +62,7 @@ class ClientView {
   std::optional<MapUpdate> difference(const Map& map, std::uint32_t mapped_keyframes,
                                       Kind kind = Kind::kChanges, bool settled = false);
 
-  std::size_t known_landmarks() const { return slot_of_.size(); }
+  std::size_t known_landmarks() const { return known_.size(); }
 
  private:
   enum class Told : std::uint8_t { kNothing, kPose, kRemoval };
@@ -64,17 +71,16 @@ class ClientView {
     bool counted = false;    // the landmarks made from it are among the known ones
     Rigid3 map_from_camera;  // as told
   };
-  // A landmark that the client has. One that the client has made itself is known to it before the
-  // server tells it where it is.
-  struct Known {
-    LandmarkId id;  // not valid: a free slot
-    bool told = false;
-    Eigen::Vector3d position = Eigen::Vector3d::Zero();  // as told
-    std::uint32_t observations = 0;                      // how many there were when told
-    std::uint64_t revision = 0;                          // of the landmark when last compared
-    std::uint64_t last_near = 0;                         // the difference in which it was near
+  using Slot = KnownLandmarks::Slot;
+  // Something that could be told of a landmark.
+  struct News {
+    const Landmark* landmark = nullptr;
+    std::optional<Slot> slot{};            // nothing: not known yet
+    bool describes = false;                // or else only says where it is
+    std::optional<OwnFeature> shown_by{};  // with a description
+    double worth = 0;                      // pixels, more or less
+    std::size_t bytes = 0, closeness = 0;  // the fewer the better
   };
-  using Slot = std::uint32_t;
 
   void start_over();
   void follow_loops(const Map& map, MapUpdate& update);
@@ -86,14 +92,15 @@ class ClientView {
 
   void check_vanished(const Map& map, MapUpdate& update);
   void check_vanished(const Map& map, Slot slot, MapUpdate& update);
-  void compare_landmarks_around(const Map& map, MapUpdate& update);
-  void compare_landmark(const Landmark& landmark, Slot slot, const Eigen::Vector3d& camera,
-                        MapUpdate& update);
-  void tell(const Landmark& landmark, Known& known, MapUpdate& update) const;
+  void move_anchored(const Map& map);
+  void tell_of_landmarks_around(const Map& map, MapUpdate& update);
+  std::vector<News> news_around(const Map& map, const std::vector<const KeyframeNode*>& around,
+                                const Outlook& outlook);
+  std::optional<News> news_of(const Map& map, const Landmark& landmark, const Outlook& outlook,
+                              std::optional<Slot> slot);
+  std::optional<OwnFeature> own_feature_of(const Map& map, const Landmark& landmark) const;
+  void tell(const News& news, MapUpdate& update);
   void take_back_the_farthest(MapUpdate& update);
-
-  Slot know(LandmarkId id);
-  void forget(Slot slot);
 
   std::uint64_t epoch_;
   PublishOptions options_;
@@ -101,14 +108,16 @@ class ClientView {
   std::optional<MapId> map_;    // that the client has been told about
   std::uint32_t merge_epoch_ = 0, mapped_keyframes_ = 0;
   bool settled_ = false;  // as told
+  // Landmarks that keyframes from this one on have made the client has of its own.
+  std::uint32_t provisional_from_ = 0;
   std::uint64_t differences_ = 0;
 
   std::vector<OwnKeyframe> keyframes_;  // by sequence
-  std::vector<Known> known_;
-  std::vector<Slot> free_;
-  std::unordered_map<LandmarkId, Slot> slot_of_;
-  std::vector<Slot> near_;  // landmarks that were around in the last difference, or made since
-  Slot next_check_ = 0;     // where the round through all known landmarks goes on
+  KnownLandmarks known_;
+  ByteBudget budget_;
+  std::vector<Slot> near_;      // landmarks that were around in the last difference, or made since
+  std::vector<Slot> anchored_;  // landmarks that move with the keyframe that made them
+  Slot next_check_ = 0;         // where the round through all known landmarks goes on
 };
 
 }  // namespace cairn

@@ -1,6 +1,7 @@
 // Keyframes and map updates with something in every field, the same for the same seed.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -76,6 +77,7 @@ inline MapUpdate sample_update(std::uint64_t epoch, std::size_t landmarks = 40,
   u.new_map_from_old_map->scale = 1.25;
   u.epoch = epoch;
   u.mapped_keyframes = 12;
+  u.centre = {0.5, -0.25, 1};
   for (std::uint32_t i = 0; i < 5; ++i) u.keyframes.push_back({{epoch, i}, sample_pose(random)});
   u.removed_keyframes.push_back({{epoch, 6}, {epoch, 5}, sample_pose(random)});
   for (std::uint64_t i = 0; i < landmarks; ++i) {
@@ -88,8 +90,15 @@ inline MapUpdate sample_update(std::uint64_t epoch, std::size_t landmarks = 40,
     l.max_distance = 6;
     l.descriptor = sample_descriptor(random);
     for (std::uint32_t o = 0; o < i % 7; ++o) l.observers.push_back({epoch + o % 2, o});
+    if (i % 3 == 0) {
+      l.descriptor = {};
+      l.shown_by = OwnFeature{static_cast<std::uint32_t>(i % 20), static_cast<std::uint16_t>(i)};
+    }
     u.landmarks.push_back(std::move(l));
+    u.moved_landmarks.push_back({{LandmarkId::kServer, 5000 + 3 * i}, {d(random), d(random), 2}});
   }
+  std::sort(u.landmarks.begin(), u.landmarks.end(),
+            [](const auto& a, const auto& b) { return a.id < b.id; });
   u.removed_landmarks.push_back({{0, 900}, {}});
   u.removed_landmarks.push_back({{0, 901}, LandmarkId{0, 902}});
   return u;

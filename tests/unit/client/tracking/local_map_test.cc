@@ -111,6 +111,99 @@ TEST(LocalMap, TakesTheServersPositionsAndNewLandmarks) {
   EXPECT_EQ(map.around(seen, 5).size(), 2u);
 }
 
+TEST(LocalMap, ALandmarkThatMovedKeepsWhatItLooksLike) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 2), moved(0));
+  const LocalLandmark before = *map.find(name(0, 1));
+  MapUpdate u = update_of(0);
+  u.moved_landmarks = {{name(0, 1), {1, 2, 3}}, {{LandmarkId::kServer, 9}, {4, 5, 6}}};
+  map.apply(u);
+  const LocalLandmark* after = map.find(name(0, 1));
+  EXPECT_EQ(after->position, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(after->descriptor, before.descriptor);
+  EXPECT_EQ(after->normal, before.normal);
+  EXPECT_EQ(after->observers, before.observers);
+  EXPECT_FALSE(map.find({LandmarkId::kServer, 9})) << "it says not enough of one that is unknown";
+  // Told by the server, it no longer moves with its keyframe.
+  u.moved_landmarks.clear();
+  u.keyframes = {{{kEpoch, 0}, moved(0.5)}};
+  map.apply(u);
+  EXPECT_EQ(map.find(name(0, 1))->position, Eigen::Vector3d(1, 2, 3));
+}
+
+TEST(LocalMap, LooksUpWhatItsOwnFeaturesShow) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 3), moved(0));
+  map.add_keyframe(make_keyframe(1, 3), moved(0));
+  MapUpdate u = update_of(2);
+  LandmarkState made;
+  made.id = {LandmarkId::kServer, 5};
+  made.shown_by = OwnFeature{1, 2};
+  LandmarkState known;
+  known.id = name(0, 0);
+  known.position = {7, 8, 9};
+  known.shown_by = OwnFeature{1, 1};
+  u.landmarks = {made, known};
+  map.apply(u);
+  ASSERT_TRUE(map.find(made.id));
+  EXPECT_EQ(map.find(made.id)->descriptor, (Descriptor{2, 1, 0, 0}));
+  EXPECT_EQ(map.find(known.id)->descriptor, (Descriptor{1, 1, 0, 0}));
+}
+
+TEST(LocalMap, WithoutTheFeatureAKnownLandmarkKeepsItsLooksAndANewOneIsLeftOut) {
+  LocalMap map({.keyframes_with_features = 1, .unmapped_with_features = 0});
+  map.add_keyframe(make_keyframe(0, 3), moved(0));
+  map.add_keyframe(make_keyframe(1, 3), moved(0));  // lets the first one's features go
+  for (const OwnFeature feature : {OwnFeature{0, 1}, OwnFeature{1, 77}, OwnFeature{9, 0}}) {
+    MapUpdate u = update_of(2);
+    LandmarkState made, known;
+    made.id = {LandmarkId::kServer, 5};
+    made.shown_by = known.shown_by = feature;
+    known.id = name(1, 0);
+    known.position = {7, 8, 9};
+    u.landmarks = {made, known};
+    map.apply(u);
+    EXPECT_FALSE(map.find(made.id));
+    EXPECT_EQ(map.find(known.id)->descriptor, (Descriptor{0, 1, 0, 0}));
+    EXPECT_EQ(map.find(known.id)->position, Eigen::Vector3d(7, 8, 9));
+  }
+}
+
+TEST(LocalMap, KeepsFeaturesOfKeyframesThatAreNotMappedYet) {
+  LocalMap map({.keyframes_with_features = 2, .unmapped_with_features = 3});
+  const auto shows = [&](std::uint32_t sequence, std::uint32_t mapped) {
+    MapUpdate u = update_of(mapped);
+    LandmarkState made;
+    made.id = {LandmarkId::kServer, 100 * mapped + sequence + 1};
+    made.shown_by = OwnFeature{sequence, 0};
+    u.landmarks = {made};
+    map.apply(u);
+    return map.find(made.id) != nullptr;
+  };
+  for (std::uint32_t i = 0; i < 4; ++i) map.add_keyframe(make_keyframe(i, 1), moved(0));
+  EXPECT_TRUE(shows(0, 0));  // two, and three more that wait
+  EXPECT_TRUE(shows(1, 2));  // two wait still
+  EXPECT_FALSE(shows(1, 3));
+  EXPECT_TRUE(shows(2, 4));
+  for (std::uint32_t i = 4; i < 30; ++i) map.add_keyframe(make_keyframe(i, 1), moved(0));
+  EXPECT_FALSE(shows(24, 4)) << "however many wait, there is a limit";
+  EXPECT_TRUE(shows(25, 4));
+  EXPECT_EQ(map.recent_keyframes().size(), 2u);
+}
+
+TEST(LocalMap, ForgetsTheOldestOfFormerNames) {
+  LocalMap map({.former_names = 2});
+  map.add_keyframe(make_keyframe(0, 5), moved(0));
+  for (std::uint16_t i = 0; i < 4; ++i) {
+    MapUpdate u = update_of(1);
+    u.removed_landmarks = {{name(0, i), name(0, 4)}};
+    map.apply(u);
+  }
+  EXPECT_FALSE(map.find(name(0, 1)));
+  EXPECT_TRUE(map.find(name(0, 2)));
+  EXPECT_TRUE(map.find(name(0, 3)));
+}
+
 TEST(LocalMap, FollowsRenamingsAndForgetsWhatIsGone) {
   LocalMap map;
   map.add_keyframe(make_keyframe(0, 3), moved(0));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 
 #include <gtest/gtest.h>
 
@@ -11,11 +12,16 @@
 namespace cairn {
 
 struct ModelClient {
-  // As a client does when it makes a keyframe: its landmarks are there at once.
+  // As a client does when it makes a keyframe: its landmarks are there at once, and move with it.
   void make(const Keyframe& keyframe) {
-    for (const LandmarkMatch& match : keyframe.matches)
-      if (match.landmark == LandmarkId::from_feature(keyframe.id, match.feature))
-        landmarks.try_emplace(match.landmark);
+    const PinholeCamera& camera = keyframe.rig->camera;
+    for (const LandmarkMatch& match : keyframe.matches) {
+      if (match.landmark != LandmarkId::from_feature(keyframe.id, match.feature)) continue;
+      const Feature& f = keyframe.features.points[match.feature];
+      landmarks.try_emplace(
+          match.landmark,
+          Known{.in_maker = camera.unproject(f.pixel(), camera.depth(f.disparity)), .state = {}});
+    }
   }
 
   // False when the update does not follow on the last one.
@@ -33,7 +39,18 @@ struct ModelClient {
       hanging[removal.id] = removal;
       poses.erase(removal.id);
     }
-    for (const LandmarkState& state : update.landmarks) landmarks[state.id] = {true, state};
+    for (auto& [id, known] : landmarks) {
+      if (!known.in_maker) continue;
+      const auto pose = pose_of(id.creator());
+      if (pose) known.state.position = *pose * *known.in_maker;
+      if (id.creator().sequence < mapped) known.in_maker.reset();
+    }
+    for (const LandmarkState& state : update.landmarks) landmarks[state.id] = {{}, state};
+    for (const LandmarkMove& move : update.moved_landmarks) {
+      EXPECT_TRUE(landmarks.contains(move.id)) << "an unknown one has moved";
+      landmarks[move.id].in_maker.reset();
+      landmarks[move.id].state.position = move.position;
+    }
     for (const LandmarkRemoval& removal : update.removed_landmarks) {
       if (removal.replaced_by) {
         EXPECT_TRUE(landmarks.contains(*removal.replaced_by)) << "renamed to an unknown one";
@@ -53,7 +70,8 @@ struct ModelClient {
   }
 
   struct Known {
-    bool placed = false;  // by the server
+    // While it moves with the keyframe that made it: where it lies in that one's camera.
+    std::optional<Eigen::Vector3d> in_maker;
     LandmarkState state;
   };
   std::map<KeyframeId, Rigid3> poses;
@@ -68,7 +86,7 @@ struct ModelClient {
     poses.clear();
     hanging.clear();
     std::erase_if(landmarks, [&](const auto& entry) {
-      return entry.second.placed || entry.first.creator().sequence < update.mapped_keyframes;
+      return !entry.second.in_maker || entry.first.creator().sequence < update.mapped_keyframes;
     });
   }
 };

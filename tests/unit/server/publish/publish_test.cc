@@ -1,5 +1,7 @@
 #include "server/publish/publish.h"
 
+#include <algorithm>
+#include <map>
 #include <random>
 #include <set>
 
@@ -35,6 +37,20 @@ struct Scene {
   }
   void arrive_all() {
     for (std::size_t i = 0; i < world.keyframes.size(); ++i) arrive(i);
+  }
+  // Time passes: another keyframe where the latest one was, that shows a few of its landmarks.
+  void pass(double seconds) {
+    auto keyframe = std::make_shared<Keyframe>(*map.keyframes.at({kEpoch, arrived - 1}).keyframe);
+    keyframe->reference = keyframe->id;
+    keyframe->reference_from_camera = {};
+    keyframe->id.sequence = arrived++;
+    keyframe->stamp_ns += static_cast<std::int64_t>(1e9 * seconds);
+    keyframe->matches.clear();
+    const auto& shown = map.keyframes.at(keyframe->reference).landmarks;
+    for (std::size_t f = 0; f < shown.size() && keyframe->matches.size() < 5; ++f)
+      if (shown[f].is_valid())
+        keyframe->matches.push_back({static_cast<std::uint16_t>(f), shown[f]});
+    apply_keyframe(map, keyframe);
   }
   std::optional<MapUpdate> tell(Kind kind = Kind::kChanges) {
     auto update = view.difference(map, arrived, kind);
@@ -87,7 +103,6 @@ struct Scene {
         if (!id.is_valid()) continue;
         const auto known = client.landmarks.find(id);
         ASSERT_NE(known, client.landmarks.end());
-        ASSERT_TRUE(known->second.placed);
         EXPECT_LT((known->second.state.position - map.landmarks.at(id).position).norm(), 4e-3);
       }
   }
@@ -143,9 +158,9 @@ TEST(ClientView, SendsOnlyWhatMovedNoticeably) {
   const auto update = scene.tell();
   ASSERT_TRUE(update);
   EXPECT_FALSE(update->is_refresh());
-  ASSERT_EQ(update->landmarks.size(), 1u);
-  EXPECT_EQ(update->landmarks[0].id, id);
-  EXPECT_LE(update->landmarks[0].observers.size(), LandmarkState::kMaxObservers);
+  EXPECT_TRUE(update->landmarks.empty()) << "it looks as it did";
+  ASSERT_EQ(update->moved_landmarks.size(), 1u);
+  EXPECT_EQ(update->moved_landmarks[0].id, id);
   ASSERT_EQ(update->keyframes.size(), 1u);
   EXPECT_EQ(update->keyframes[0].id.sequence, 3u);
 }
@@ -209,16 +224,143 @@ TEST(ClientView, ReportsOwnLandmarksThatVanishedBeforeTheyWereEverTold) {
   EXPECT_FALSE(scene.client.landmarks.contains(own));
 }
 
+// Of a client that started over: what it made itself it has to be told like anything else.
+TEST(ClientView, NamesTheClientsOwnFeaturesInsteadOfSendingDescriptors) {
+  Scene scene;
+  scene.arrive_all();
+  const auto update = scene.tell(Kind::kRefresh);
+  ASSERT_TRUE(update);
+  std::size_t named = 0;
+  for (const LandmarkState& l : update->landmarks) {
+    if (!l.shown_by) {
+      EXPECT_EQ(l.descriptor, scene.map.landmarks.at(l.id).descriptor);
+      continue;
+    }
+    ++named;
+    const KeyframePtr& keyframe = scene.world.keyframes[l.shown_by->sequence];
+    EXPECT_EQ(keyframe->features.descriptors[l.shown_by->feature],
+              scene.map.landmarks.at(l.id).descriptor);
+  }
+  EXPECT_GT(named, update->landmarks.size() / 2);
+}
+
+TEST(ClientView, ReliesOnTheClientsFeaturesOnlyWhileItHasThem) {
+  constexpr int kMany = static_cast<int>(LandmarkState::kShownByLatest) + 20;
+  Scene scene({}, kMany);
+  scene.arrive_all();
+  const auto update = scene.tell(Kind::kRefresh);
+  ASSERT_TRUE(update);
+  for (const LandmarkState& l : update->landmarks)
+    if (l.shown_by) {
+      EXPECT_GE(l.shown_by->sequence + LandmarkState::kShownByLatest, scene.arrived);
+    }
+}
+
+TEST(ClientView, DoesNotSayWhatTheClientHasMeasuredItself) {
+  Scene scene;
+  scene.arrive(0);
+  scene.tell();  // the first one is a refresh, and tells everything
+  scene.arrive(1);
+  const auto update = scene.tell();
+  ASSERT_TRUE(update);
+  int made = 0;
+  const KeyframeId second{kEpoch, 1};
+  for (const LandmarkMatch& m : scene.world.keyframes[1]->matches)
+    made += m.landmark.creator() == second;
+  ASSERT_GT(made, 5);
+  for (const LandmarkState& l : update->landmarks) EXPECT_NE(l.id.creator(), second);
+  for (const LandmarkMove& l : update->moved_landmarks) EXPECT_NE(l.id.creator(), second);
+  scene.expect_client_agrees();
+}
+
+TEST(ClientView, DescribesALandmarkAgainOnceItIsSeenTwiceAsOften) {
+  Scene scene;
+  scene.arrive(0);
+  scene.tell();
+  std::map<LandmarkId, std::size_t> told;
+  for (std::size_t i = 1; i < 12; ++i) {
+    scene.arrive(i);
+    const auto update = scene.tell();
+    for (const LandmarkState& l : update->landmarks) {
+      const std::size_t seen = scene.map.landmarks.at(l.id).observations.size();
+      if (told.contains(l.id)) {
+        EXPECT_GE(seen, 2 * told[l.id]);
+      }
+      told[l.id] = seen;
+    }
+  }
+}
+
 TEST(ClientView, SpreadsManyLandmarksOverSeveralUpdates) {
-  Scene scene({.max_landmarks = 5});
+  Scene scene({.bytes_per_s = 1000, .most_saved_bytes = 500});
   scene.arrive_all();
   int updates = 0;
-  while (const auto update = scene.tell()) {
-    EXPECT_LE(update->landmarks.size(), 5u);
-    ASSERT_LT(++updates, 100);
+  for (int silent = 0; silent < 3;) {
+    scene.pass(0.5);
+    const auto update = scene.tell();
+    ASSERT_TRUE(update);
+    const bool tells = !update->landmarks.empty() || !update->moved_landmarks.empty();
+    silent = tells ? 0 : silent + 1;
+    updates += tells;
+    // Keyframes don't wait.
+    EXPECT_LE(wire::encoded_bytes({}, *update), 500 + 25 * update->keyframes.size());
+    ASSERT_LT(updates, 100);
   }
-  EXPECT_GT(updates, 5);
+  EXPECT_GT(updates, 3);
   scene.expect_client_agrees();
+}
+
+TEST(ClientView, KeepsToItsBudgetInTheLongRun) {
+  Scene scene({.bytes_per_s = 4000, .most_saved_bytes = 1000}, 30);
+  double bytes = 0;
+  for (std::size_t i = 0; i < 30; ++i) {
+    scene.arrive(i);
+    for (const LandmarkId& id : scene.map.landmarks.sorted_keys()) scene.move_landmark(id, 0.02);
+    const auto update = scene.tell();
+    ASSERT_TRUE(update);
+    bytes += static_cast<double>(wire::encoded_bytes({}, *update));
+  }
+  const double seconds = 1e-9 * static_cast<double>(scene.world.keyframes.back()->stamp_ns);
+  EXPECT_LT(bytes, 1000 + 4000 * seconds);
+  EXPECT_GT(bytes, 0.8 * 4000 * seconds) << "there was more to say";
+}
+
+TEST(ClientView, TellsFirstOfWhatIsFarthestOff) {
+  Scene scene({.bytes_per_s = 1e6, .most_saved_bytes = 280});
+  scene.arrive_all();
+  for (int i = 0; i < 60; ++i, scene.pass(1)) scene.tell();
+  std::map<LandmarkId, int> rank;
+  for (const LandmarkId& id : scene.map.keyframes.at({kEpoch, 11}).landmarks)
+    if (id.is_valid()) rank[id] = static_cast<int>(rank.size() % 3);
+  ASSERT_GT(rank.size(), 30u);
+  for (const auto& [id, distance] : rank) scene.move_landmark(id, 0.003 * (1 << 2 * distance));
+  scene.pass(1);
+  int told = 0;
+  double sum = 0;
+  const auto update = scene.tell();
+  for (const LandmarkMove& m : update->moved_landmarks)
+    if (rank.contains(m.id)) {
+      ++told;
+      sum += rank[m.id];
+    }
+  EXPECT_GT(told, 5);
+  EXPECT_LT(told, static_cast<int>(rank.size()) / 2);
+  EXPECT_GT(sum / told, 1.5);
+}
+
+TEST(ClientView, SendsAMovedLandmarkAgainOnlyOnceItIsOffNoticeably) {
+  Scene scene;
+  scene.arrive_all();
+  for (int i = 0; i < 5; ++i) scene.tell();
+  const LandmarkId id = scene.near_landmark();
+  // A twentieth of a pixel is 0.3 mm at 3 m and f = 500, across the line of sight.
+  int told = 0;
+  for (int i = 0; i < 40; ++i) {
+    scene.move_landmark(id, 1e-4);
+    if (const auto update = scene.tell()) told += static_cast<int>(update->moved_landmarks.size());
+  }
+  EXPECT_GE(told, 5);
+  EXPECT_LE(told, 20);
 }
 
 TEST(ClientView, BoundsWhatTheClientHasToKeep) {
