@@ -3,8 +3,8 @@
 namespace cairn {
 
 ClientDesk::ClientDesk(const ClientId& client, MapWriter& writer,
-                       const LocalMappingOptions& options)
-    : epoch_(client.epoch), mapping_(writer, options), view_(client.epoch) {}
+                       const LocalMappingOptions& options, const PublishOptions& publish)
+    : epoch_(client.epoch), mapping_(writer, options), view_(client.epoch, publish) {}
 
 Status ClientDesk::tell(const Map& map, bool settled,
                         const std::function<Status(const MapUpdate&)>& send) {

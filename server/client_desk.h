@@ -20,7 +20,8 @@ namespace cairn {
 class ClientDesk {
  public:
   // `writer` must outlive this.
-  ClientDesk(const ClientId& client, MapWriter& writer, const LocalMappingOptions& options = {});
+  ClientDesk(const ClientId& client, MapWriter& writer, const LocalMappingOptions& options = {},
+             const PublishOptions& publish = {});
 
   // Local mapping of a keyframe of this client, up to the solve.
   LocalMappingReport extend(KeyframeId id) { return mapping_.extend(id); }

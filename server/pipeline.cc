@@ -85,8 +85,10 @@ Pipeline::Pipeline(const ServerConfig& config, std::unique_ptr<MapFile> file, Ma
     : config_(config),
       file_(std::move(file)),
       writer_(std::move(map)),
-      desks_(
-          [this](const ClientId& client) { return std::make_shared<ClientDesk>(client, writer_); }),
+      desks_([this](const ClientId& client) {
+        return std::make_shared<ClientDesk>(client, writer_, LocalMappingOptions{},
+                                            config_.publish);
+      }),
       adjuster_(writer_, solve, adjuster_options(config)) {}
 
 Pipeline::~Pipeline() {

@@ -33,6 +33,13 @@ Result<ServerConfig> load_server_config(const std::string& path) {
     budget("keyframe_budget", config.keyframe_budget);
     budget("landmark_budget", config.landmark_budget);
   }
+  if (auto downlink = root.optional_section("downlink")) {
+    PublishOptions& p = config.publish;
+    p.bytes_per_s =
+        1000 * downlink->number_or("kilobytes_per_s", p.bytes_per_s / 1000, {1, 100'000});
+    p.most_saved_bytes =
+        1000 * downlink->number_or("saved_kilobytes", p.most_saved_bytes / 1000, {1, 100'000});
+  }
   if (auto loops = root.optional_section("loops")) {
     config.close_loops = loops->flag_or("close", config.close_loops);
     config.vocabulary = loops->text_or("vocabulary", config.vocabulary);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/util/status.h"
+#include "server/publish/publish.h"
 #include "server/verify/verify.h"
 
 namespace cairn {
@@ -27,6 +28,7 @@ struct ServerConfig {
   std::size_t keyframe_budget = 3000, landmark_budget = 300'000;
   bool close_loops = true;
   std::string vocabulary;  // empty: the one that is built in
+  PublishOptions publish;  // what clients are told of the map
   VerifyOptions verify;    // what a loop must show to be believed
 };
 

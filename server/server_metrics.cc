@@ -1,6 +1,7 @@
 #include "server/server_metrics.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -28,6 +29,41 @@ double RecentValues::quantile(double share) const {
   return sorted[static_cast<std::size_t>(at)];
 }
 
+namespace {
+
+struct Topic {
+  const char* name;
+  std::uint64_t Traffic::*bytes;
+};
+// As the DDS topics are called, without what they all have in common.
+constexpr Topic kTopics[] = {{"keyframe", &Traffic::keyframes},
+                             {"relocalise_request", &Traffic::questions},
+                             {"map_update", &Traffic::map_updates},
+                             {"relocalise_answer", &Traffic::answers}};
+
+nlohmann::json bytes_by_topic(const Traffic& traffic) {
+  nlohmann::json json;
+  for (const Topic& topic : kTopics) json[topic.name] = traffic.*topic.bytes;
+  return json;
+}
+
+double kilobytes_a_second(std::uint64_t bytes, double seconds) {
+  return seconds > 0 ? std::round(static_cast<double>(bytes) / seconds / 100) / 10 : 0.0;
+}
+
+// Client names are letters, digits and a few signs that need no escape (check_client_name).
+void add_traffic(const ServerState& s, std::string& text) {
+  text +=
+      "# HELP cairn_client_bytes_total Bytes by topic since the client joined\n"
+      "# TYPE cairn_client_bytes_total counter\n";
+  for (const ClientInfo& c : s.clients)
+    for (const Topic& topic : kTopics)
+      text += fmt::format("cairn_client_bytes_total{{client=\"{}\",topic=\"{}\"}} {}\n",
+                          c.client.name, topic.name, c.traffic.*topic.bytes);
+}
+
+}  // namespace
+
 std::string to_json(const ServerState& s) {
   nlohmann::json json;
   json["uptime_s"] = s.uptime_s;
@@ -47,17 +83,21 @@ std::string to_json(const ServerState& s) {
   json["relocalisation"] = {
       {"asked", s.ingest.questions}, {"found", s.located}, {"ms_median", s.locate_ms_median}};
   json["ingest"] = {
-      {"accepted", s.ingest.accepted},   {"duplicates", s.ingest.duplicates},
-      {"malformed", s.ingest.malformed}, {"journal_failures", s.ingest.journal_failures},
-      {"refused", s.ingest.refused},     {"bytes_in", s.ingest.bytes_in},
-      {"bytes_out", s.ingest.bytes_out}, {"queued", s.ingest.queued}};
+      {"accepted", s.ingest.accepted},        {"duplicates", s.ingest.duplicates},
+      {"malformed", s.ingest.malformed},      {"journal_failures", s.ingest.journal_failures},
+      {"refused", s.ingest.refused},          {"bytes_in", s.ingest.traffic.up()},
+      {"bytes_out", s.ingest.traffic.down()}, {"queued", s.ingest.queued}};
+  json["bytes"] = bytes_by_topic(s.ingest.traffic);
   json["clients"] = nlohmann::json::array();
   for (const ClientInfo& c : s.clients)
     json["clients"].push_back({{"name", c.client.name},
                                {"epoch", fmt::format("{:016x}", c.client.epoch)},
                                {"connected", c.connected},
                                {"queued", c.queued},
-                               {"keyframes", c.next_sequence}});
+                               {"keyframes", c.next_sequence},
+                               {"bytes", bytes_by_topic(c.traffic)},
+                               {"up_kB_per_s", kilobytes_a_second(c.traffic.up(), c.seconds)},
+                               {"down_kB_per_s", kilobytes_a_second(c.traffic.down(), c.seconds)}});
   return json.dump(2) + "\n";
 }
 
@@ -97,8 +137,10 @@ std::string to_prometheus(const ServerState& s) {
         s.locate_ms_median);
   counter("journal_failures_total", "Keyframes that could not be journaled",
           s.ingest.journal_failures);
-  counter("received_bytes_total", "Bytes of keyframes and questions received", s.ingest.bytes_in);
-  counter("sent_bytes_total", "Bytes of map updates and answers sent", s.ingest.bytes_out);
+  counter("received_bytes_total", "Bytes of keyframes and questions received",
+          s.ingest.traffic.up());
+  counter("sent_bytes_total", "Bytes of map updates and answers sent", s.ingest.traffic.down());
+  add_traffic(s, text);
   return text;
 }
 

@@ -11,7 +11,7 @@ ClientTable::Answer ClientTable::on_state(const wire::ClientStateMessage& state,
                        std::to_string(wire::kProtocol) + "; install the same version on both",
             .events = {},
             .ended = {}};
-  if (state.leaving) return leave(state);
+  if (state.leaving) return leave(state, now);
   const auto it = sessions_.find(state.client.name);
   if (it == sessions_.end()) return join(state, now);
   Session& session = it->second;
@@ -33,11 +33,13 @@ ClientTable::Answer ClientTable::on_state(const wire::ClientStateMessage& state,
   return answer;
 }
 
-ClientTable::Answer ClientTable::leave(const wire::ClientStateMessage& state) {
+ClientTable::Answer ClientTable::leave(const wire::ClientStateMessage& state,
+                                       Clock::time_point now) {
   Answer answer;
   const auto it = sessions_.find(state.client.name);
   if (it == sessions_.end() || it->second.client != state.client) return answer;
   answer.events.push_back({ClientEvent::Kind::kLeft, state.client, it->second.sensor, {}});
+  it->second.last_seen = now;
   answer.ended.push_back(std::move(it->second));
   sessions_.erase(it);
   return answer;
@@ -60,9 +62,10 @@ ClientTable::Answer ClientTable::join(const wire::ClientStateMessage& state,
                                   .last_seen = now,
                                   .refresh_requests = state.refresh_requests,
                                   .finishing = state.finishing,
+                                  .joined = now,
+                                  .traffic = {},
                                   .runs = {state.client.epoch}};
-  answer.events.push_back(
-      {ClientEvent::Kind::kJoined, state.client, state.sensor, state.lockstep});
+  answer.events.push_back({ClientEvent::Kind::kJoined, state.client, state.sensor, state.lockstep});
   if (state.finishing)
     answer.events.push_back({ClientEvent::Kind::kFinishing, state.client, state.sensor, {}});
   return answer;
@@ -92,6 +95,11 @@ ClientTable::Session* ClientTable::deliverer(const ClientId& client) {
     session.runs.insert(client.epoch);
   }
   return &session;
+}
+
+ClientTable::Session* ClientTable::named(const std::string& name) {
+  const auto it = sessions_.find(name);
+  return it == sessions_.end() ? nullptr : &it->second;
 }
 
 const ClientTable::Session* ClientTable::find(const ClientId& client) const {

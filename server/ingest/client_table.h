@@ -32,6 +32,8 @@ class ClientTable {
     Clock::time_point last_seen;
     std::uint32_t refresh_requests = 0;
     bool finishing = false;
+    Clock::time_point joined;
+    Traffic traffic;
     std::set<std::uint64_t> runs;  // epochs that keyframes have come from, its own included
 
     bool connected(Clock::time_point now) const { return now - last_seen < kSilence; }
@@ -48,11 +50,13 @@ class ClientTable {
   // The session that may deliver keyframes of `client`, which can be an earlier run of it; null
   // when there is none.
   Session* deliverer(const ClientId& client);
+  // The session of the client that is there under that name, whichever run of it.
+  Session* named(const std::string& name);
   const Session* find(const ClientId& client) const;
   const std::map<std::string, Session>& sessions() const { return sessions_; }
 
  private:
-  Answer leave(const wire::ClientStateMessage& state);
+  Answer leave(const wire::ClientStateMessage& state, Clock::time_point now);
   Answer join(const wire::ClientStateMessage& state, Clock::time_point now);
 
   std::map<std::string, Session> sessions_;  // by name

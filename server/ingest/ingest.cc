@@ -30,6 +30,10 @@ std::uint64_t random_instance() {
   return value == 0 ? 1 : value;
 }
 
+double seconds_between(Clock::time_point from, Clock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
 struct ChannelUse {
   std::shared_ptr<Channel> channel;
   Clock::time_point last_use;
@@ -73,12 +77,14 @@ struct Ingest::Parts {
   void receive_keyframes();
   void receive_keyframe(const wire::KeyframeMessage& message, std::set<ClientId>& touched);
   void count(KeyframeQueue::Arrival arrival);
+  void add(std::uint64_t Traffic::*topic, const ClientId& client, std::uint64_t bytes);
   void receive_questions();
   void receive_question(const wire::RelocaliseRequestMessage& message);
   void receive_states();
   void receive_state(const wire::ClientStateMessage& state);
   std::vector<ChannelUse> close_sessions(const ClientTable::Answer& answer);
   void tell(const std::vector<ClientEvent>& events);
+  void say_what_was_sent(const std::vector<ClientTable::Session>& ended) const;
   std::shared_ptr<Channel> channel_of(const std::string& client);
   std::shared_ptr<Channel> open_channel(const ClientId& client);
   void acknowledge(const ClientId& client);
@@ -103,7 +109,7 @@ void Ingest::Parts::receive_keyframe(const wire::KeyframeMessage& message,
                                      std::set<ClientId>& touched) {
   {
     std::lock_guard lock(mutex);
-    counts.bytes_in += message.blob.size();
+    add(&Traffic::keyframes, message.client, message.blob.size());
     if (table.deliverer(message.client) == nullptr) {
       ++counts.unknown_client;  // its hello is still on the way; the keyframe comes again
       return;
@@ -142,6 +148,13 @@ void Ingest::Parts::count(KeyframeQueue::Arrival arrival) {
   }
 }
 
+// With the mutex held.
+void Ingest::Parts::add(std::uint64_t Traffic::*topic, const ClientId& client,
+                        std::uint64_t bytes) {
+  counts.traffic.*topic += bytes;
+  if (ClientTable::Session* session = table.named(client.name)) session->traffic.*topic += bytes;
+}
+
 // ---- questions
 
 void Ingest::Parts::receive_questions() {
@@ -154,7 +167,7 @@ void Ingest::Parts::receive_questions() {
 void Ingest::Parts::receive_question(const wire::RelocaliseRequestMessage& message) {
   {
     std::lock_guard lock(mutex);
-    counts.bytes_in += message.blob.size();
+    add(&Traffic::questions, message.client, message.blob.size());
     if (table.find(message.client) == nullptr || !options.on_question) return;
   }
   auto decoded = wire::decode_keyframe(message.blob);
@@ -189,6 +202,7 @@ void Ingest::Parts::receive_state(const wire::ClientStateMessage& state) {
   }
   if (!answer.refusal.empty()) return refuse(state.client, answer.refusal);
   if (!state.leaving) acknowledge(state.client);
+  say_what_was_sent(answer.ended);
   tell(answer.events);
 }
 
@@ -203,6 +217,21 @@ std::vector<ChannelUse> Ingest::Parts::close_sessions(const ClientTable::Answer&
     }
   }
   return closed;
+}
+
+void Ingest::Parts::say_what_was_sent(const std::vector<ClientTable::Session>& ended) const {
+  for (const ClientTable::Session& session : ended) {
+    const double seconds = seconds_between(session.joined, session.last_seen);
+    const Traffic& t = session.traffic;
+    const auto rate = [&](std::uint64_t bytes) {
+      return seconds > 0 ? 1e-3 * static_cast<double>(bytes) / seconds : 0.0;
+    };
+    log::info(
+        "client {} left after {:.1f} s: keyframes {} kB, questions {} kB (up {:.1f} kB/s); map "
+        "updates {} kB, answers {} kB (down {:.1f} kB/s)",
+        session.client.name, seconds, t.keyframes / 1000, t.questions / 1000, rate(t.up()),
+        t.map_updates / 1000, t.answers / 1000, rate(t.down()));
+  }
 }
 
 void Ingest::Parts::tell(const std::vector<ClientEvent>& events) {
@@ -281,6 +310,7 @@ void Ingest::Parts::tick() {
         for (const std::uint64_t epoch : session.runs) runs.push_back({name, epoch});
     rest_channels(now);
   }
+  say_what_was_sent(silent.ended);
   tell(silent.events);
   for (const ClientId& run : runs) acknowledge(run);
   if (now >= next_status) send_status();
@@ -360,7 +390,7 @@ Status Ingest::answer(const ClientId& client, const RelocaliseAnswer& answer) {
   const auto sent = channel->answer(client, answer);
   if (!sent) return sent.error();
   std::lock_guard lock(parts_->mutex);
-  parts_->counts.bytes_out += *sent;
+  parts_->add(&Traffic::answers, client, *sent);
   return {};
 }
 
@@ -371,7 +401,7 @@ Status Ingest::publish(const ClientId& client, const MapUpdate& update) {
   if (!published) return published.error();
   std::lock_guard lock(parts_->mutex);
   parts_->counts.updates += published->parts;
-  parts_->counts.bytes_out += published->bytes;
+  parts_->add(&Traffic::map_updates, client, published->bytes);
   return {};
 }
 
@@ -386,7 +416,9 @@ std::vector<ClientInfo> Ingest::clients() const {
                     .last_seen = session.last_seen,
                     .queued = 0,
                     .next_sequence = 0,
-                    .revision = 0};
+                    .revision = 0,
+                    .traffic = session.traffic,
+                    .seconds = seconds_between(session.joined, now)};
     for (const std::uint64_t epoch : session.runs)
       info.queued += parts_->queue.queued({name, epoch});
     if (const auto it = parts_->next_sequences.find(session.client);

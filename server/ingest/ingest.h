@@ -36,16 +36,25 @@ struct IncomingKeyframe {
 
 struct ClientEvent {
   enum class Kind {
-    kJoined,   // a new run of a client, or one that the server did not know since its own start:
-               // send it a full refresh first
-    kRefresh,  // has missed an update: the next one must be a full refresh
+    kJoined,     // a new run of a client, or one that the server did not know since its own start:
+                 // send it a full refresh first
+    kRefresh,    // has missed an update: the next one must be a full refresh
     kFinishing,  // has made its last keyframe and waits for the last corrections
-    kLeft,     // said goodbye, was silent for long, or another run has taken its place
+    kLeft,       // said goodbye, was silent for long, or another run has taken its place
   };
   Kind kind = Kind::kJoined;
   ClientId client;
   Sensor sensor = Sensor::kRgbd;
   bool lockstep = false;  // wants the answer to a keyframe after all that follows from it
+};
+
+// Bytes by topic, blobs only, repeats included.
+struct Traffic {
+  std::uint64_t keyframes = 0, questions = 0;  // from a client
+  std::uint64_t map_updates = 0, answers = 0;  // to a client
+
+  std::uint64_t up() const { return keyframes + questions; }
+  std::uint64_t down() const { return map_updates + answers; }
 };
 
 struct ClientInfo {
@@ -56,21 +65,23 @@ struct ClientInfo {
   std::uint32_t queued = 0;         // keyframes taken in and not done
   std::uint32_t next_sequence = 0;  // keyframes below it are journaled
   std::uint64_t revision = 0;       // of the latest update sent to it
+  Traffic traffic{};                // since it joined
+  double seconds = 0;               // since then
 };
 
 struct IngestStats {
-  std::uint64_t accepted = 0;                 // journaled and queued
-  std::uint64_t duplicates = 0;               // came again; acknowledged again
-  std::uint64_t out_of_order = 0;             // had to wait for an earlier one
-  std::uint64_t beyond_credits = 0;           // sent without room for them; come again
-  std::uint64_t malformed = 0;                // failed the checks; see the log
-  std::uint64_t unknown_client = 0;           // of a client that has not said hello (yet)
-  std::uint64_t journal_failures = 0;         // not acknowledged; come again
-  std::uint64_t refused = 0;                  // hellos turned down
-  std::uint64_t bytes_in = 0, bytes_out = 0;  // blobs
-  std::uint64_t updates = 0;                  // published, parts counted singly
-  std::uint64_t questions = 0;                // of clients that don't know where they are
-  std::uint32_t queued = 0;                   // keyframes waiting now
+  std::uint64_t accepted = 0;          // journaled and queued
+  std::uint64_t duplicates = 0;        // came again; acknowledged again
+  std::uint64_t out_of_order = 0;      // had to wait for an earlier one
+  std::uint64_t beyond_credits = 0;    // sent without room for them; come again
+  std::uint64_t malformed = 0;         // failed the checks; see the log
+  std::uint64_t unknown_client = 0;    // of a client that has not said hello (yet)
+  std::uint64_t journal_failures = 0;  // not acknowledged; come again
+  std::uint64_t refused = 0;           // hellos turned down
+  Traffic traffic;                     // of all clients
+  std::uint64_t updates = 0;           // published, parts counted singly
+  std::uint64_t questions = 0;         // of clients that don't know where they are
+  std::uint32_t queued = 0;            // keyframes waiting now
 };
 
 struct IngestOptions {

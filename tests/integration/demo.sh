@@ -148,7 +148,11 @@ started=()
 too_far=()
 print_table
 echo "(ATE: RMSE of the corrected trajectory after alignment; tracking, correction: medians;"
-echo " dropped: frames that came while tracking was busy, as with a camera)"
+echo " dropped: frames that came while tracking was busy, as with a camera;"
+echo " up, down: keyframes and map updates, kilobytes a second of the recording)"
+echo
+echo "What the server counted:"
+sed -n 's/.*\(client [^ ]* left after .*\)/  \1/p' "$out/server.log"
 echo
 joint=$(joint_ate)
 printf 'One map, %s: ATE of both clients together, one alignment: %.4f m\n' "$out/map.db" "$joint"

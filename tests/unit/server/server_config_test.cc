@@ -36,6 +36,8 @@ TEST(ServerConfig, TheFileInTheConfigFolderShowsTheDefaults) {
   EXPECT_EQ(shown->save_every_s, defaults.save_every_s);
   EXPECT_EQ(shown->mapping_threads, defaults.mapping_threads);
   EXPECT_EQ(shown->local_window, defaults.local_window);
+  EXPECT_EQ(shown->publish.bytes_per_s, defaults.publish.bytes_per_s);
+  EXPECT_EQ(shown->publish.most_saved_bytes, defaults.publish.most_saved_bytes);
 }
 
 TEST(ServerConfig, WrongValuesAndUnknownKeysNameTheirLine) {
@@ -44,6 +46,8 @@ TEST(ServerConfig, WrongValuesAndUnknownKeysNameTheirLine) {
               EndsWith(":1: domain: must be from 0 to 232, is 233"));
   EXPECT_THAT(load("log_level: loud\n").message(),
               EndsWith(":1: log_level: must be one of debug, info, warn, error, off; has 'loud'"));
+  EXPECT_FALSE(load("downlink:\n  kilobytes_per_s: 0\n").ok());
+  EXPECT_DOUBLE_EQ(load("downlink:\n  kilobytes_per_s: 12.5\n")->publish.bytes_per_s, 12'500);
   EXPECT_THAT(load("mapping:\n  thread: 2\n").message(),
               EndsWith(":2: mapping.thread: unknown key; did you mean 'threads'?"));
 }
