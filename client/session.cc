@@ -179,6 +179,7 @@ Status Session::process(const Frame& frame) {
   report_.tracking_ms.push_back(watch.milliseconds());
   ++report_.frames;
   report_.tracked += result.state == TrackingState::kTracking;
+  report_.tracked += static_cast<std::uint64_t>(result.earlier_frames);
   if (result.question) wait_for_answer();
   return result.keyframe || result.question ? after_keyframe() : Status();
 }

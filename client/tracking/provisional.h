@@ -16,7 +16,9 @@ struct ProvisionalOptions {
   std::size_t neighbours = 5;  // keyframes that the new one is compared with
   // How far such a keyframe must be, as a share of the median depth: nearer ones tell no depth.
   double min_baseline = 0.02;
-  PairOptions pair;
+  // Less certain points than the server would take: they need not last, and where the camera mostly
+  // turns there are no others.
+  PairOptions pair{.max_relative_sigma = 0.25};
 };
 
 // Of the features of a tracked frame that show nothing yet; each at most once, and so each feature

@@ -190,6 +190,7 @@ bool Tracker::start_mono(TrackedFrame& frame, TrackingResult& result) {
   std::optional<StartMap> started = mono_start_.add(frame.stamp_ns, frame.features, frame.grid);
   if (!started) return false;
   TrackedFrame first(started->reference_stamp_ns, rig_, std::move(started->reference));
+  first.map_from_camera = map_from_odom_ * last_odom_from_camera_;
   result.first_keyframe = make_keyframe(first, {});
   record(first);
   const KeyframeId origin = reference_;
@@ -198,13 +199,16 @@ bool Tracker::start_mono(TrackedFrame& frame, TrackingResult& result) {
     previous = started->poses[i].reference_from_camera;
     trajectory_.add(started->poses[i].stamp_ns, origin, previous);
   }
-  frame.map_from_camera = started->poses.back().reference_from_camera;
+  result.earlier_frames = static_cast<int>(started->poses.size());
+  const Rigid3& first_from_camera = started->poses.back().reference_from_camera;
+  frame.map_from_camera = first.map_from_camera * first_from_camera;
   std::vector<ProvisionalLandmark> landmarks;
   for (const StartMap::Point& p : started->points)
-    landmarks.push_back({p.feature, LandmarkId::from_feature(origin, p.reference), p.position});
+    landmarks.push_back({p.feature, LandmarkId::from_feature(origin, p.reference),
+                         first.map_from_camera * p.position});
   result.keyframe = make_keyframe(frame, landmarks);
   result.landmarks = static_cast<int>(landmarks.size());
-  last_from_current_ = previous.inverse() * frame.map_from_camera;
+  last_from_current_ = previous.inverse() * first_from_camera;
   has_motion_ = true;
   state_ = TrackingState::kTracking;
   log::info("map started at {:.3f} s by {} landmarks seen from {} frames",

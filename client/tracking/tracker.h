@@ -57,8 +57,10 @@ struct TrackingResult {
   Rigid3 odom_from_camera;  // the same, without the jumps of corrections
   int landmarks = 0;        // that fit the pose
   KeyframePtr keyframe;     // the one made of this frame, or null
-  // Where a monocular map starts: the earlier frame that it starts from, to be sent before.
+  // Where a monocular map starts: the earlier frame that it starts from, to be sent before, and how
+  // many earlier frames have got their poses only now, that one included.
   KeyframePtr first_keyframe;
+  int earlier_frames = 0;
   // Where is this? To be sent to the server while it is not known: the frame as a keyframe without
   // matches, whose sequence is the number of the question.
   KeyframePtr question;
