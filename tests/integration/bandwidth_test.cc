@@ -23,7 +23,7 @@ Run run_desk(const std::string& server_config) {
   Deployment deployment;
   std::vector<std::string> arguments;
   if (!server_config.empty())
-    arguments = {"--config", deployment.write("server.yaml", server_config).string()};
+    arguments = {"--config", deployment.write("server.yaml", server_config)};
   const auto server = deployment.server(arguments);
   const std::string trajectory = deployment.file("out.tum").string();
   const auto client = deployment.client("walker", "synth:desk?frames=200",
