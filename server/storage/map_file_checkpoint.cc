@@ -27,7 +27,7 @@ Status drop_checkpoints(Database& database, std::size_t event, std::size_t keep)
 // Beside those that are there: means nothing until a checkpoint names it.
 Status write_copy(Pieces& pieces, std::int64_t copy, const std::vector<KeyframeId>& keyframes,
                   const storage::Blob& data) {
-  const Status status = pieces.rows(
+  Status status = pieces.rows(
       keyframes.size(), [&](Database& database, std::size_t i, Room& room) -> Result<std::size_t> {
         Statement need(database, "INSERT INTO copied_keyframes VALUES(?, ?, ?)");
         for (; i < keyframes.size() && room.left(); ++i) {
@@ -92,7 +92,7 @@ Error not_kept(Database& database, std::size_t event) {
 }  // namespace
 
 Status storage::drop_loose_copies(Pieces& pieces) {
-  const Status status = pieces.repeat(
+  Status status = pieces.repeat(
       "DELETE FROM copies WHERE rowid IN (SELECT rowid FROM copies"
       " WHERE copy NOT IN (SELECT copy FROM checkpoints) LIMIT 1)");
   if (!status) return status;

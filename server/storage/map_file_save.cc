@@ -14,7 +14,6 @@ using sqlite::Database;
 using sqlite::Statement;
 using storage::Blob;
 using storage::Pieces;
-using storage::Room;
 using storage::StagedRow;
 using storage::Table;
 
@@ -121,12 +120,12 @@ Status drop_void_checkpoints(Database& database, const Map& map,
 Result<std::int64_t> drop_some_culled(Database& database, std::int64_t first,
                                       std::size_t& dropped) {
   constexpr int kKeyframes = 50;
-  const auto last = database.query_integer(
+  auto last = database.query_integer(
       fmt::format("SELECT max(arrival) FROM (SELECT arrival FROM keyframes WHERE arrival >= {}"
                   " ORDER BY arrival LIMIT {})",
                   first, kKeyframes));
   if (!last) return last.error();
-  const Status status = database.execute(fmt::format(
+  Status status = database.execute(fmt::format(
       "DELETE FROM keyframes WHERE arrival BETWEEN {} AND {} AND"
       " NOT EXISTS (SELECT 1 FROM nodes WHERE origin = epoch AND number = sequence) AND"
       " NOT EXISTS (SELECT 1 FROM copied_keyframes c"
@@ -144,7 +143,7 @@ Result<std::int64_t> drop_some_culled(Database& database, std::int64_t first,
 Status drop_culled_blobs(Pieces& pieces, std::size_t& dropped) {
   std::int64_t newest = 0, last = 0;  // what arrives from now on is not looked at
   do {
-    const Status status = pieces.one([&](Database& database) -> Status {
+    Status status = pieces.one([&](Database& database) -> Status {
       const auto now = database.query_integer("SELECT max(arrival) FROM keyframes");
       if (!now) return now.error();
       if (last == 0) newest = *now;

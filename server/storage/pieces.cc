@@ -24,7 +24,7 @@ Status Pieces::one(const std::function<Status(sqlite::Database&)>& write) {
 
 Status Pieces::rows(std::size_t count, const WriteRows& write) {
   for (std::size_t first = 0; first < count;) {
-    const Status status = one([&](sqlite::Database& database) -> Status {
+    Status status = one([&](sqlite::Database& database) -> Status {
       Room room;
       const Result<std::size_t> next = write(database, first, room);
       if (!next) return next.error();
@@ -40,7 +40,7 @@ Status Pieces::rows(std::size_t count, const WriteRows& write) {
 
 Status Pieces::repeat(const std::string& sql, std::size_t* changed) {
   for (std::int64_t last = 1; last > 0;) {
-    const Status status = one([&](sqlite::Database& database) -> Status {
+    Status status = one([&](sqlite::Database& database) -> Status {
       if (Status s = database.execute(sql); !s) return s;
       const auto changes = database.query_integer("SELECT changes()");
       if (!changes) return changes.error();

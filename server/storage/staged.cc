@@ -45,7 +45,7 @@ Status move_piece(Database& database, std::int64_t piece) {
 // Piece by piece as they were staged.
 Status move_all(Pieces& pieces) {
   for (bool done = false; !done;) {
-    const Status status = pieces.one([&](Database& database) -> Status {
+    Status status = pieces.one([&](Database& database) -> Status {
       const auto piece = database.query_integer("SELECT min(piece) FROM staged");
       if (!piece) return piece.error();
       done = *piece == 0;
@@ -86,7 +86,7 @@ Status accept_staged(Database& database) {
 
 Status finish_staged(Pieces& pieces) {
   bool accepted = false;
-  const Status status = pieces.one([&](Database& database) -> Status {
+  Status status = pieces.one([&](Database& database) -> Status {
     const auto known = is_accepted(database);
     if (!known) return known.error();
     accepted = *known;
