@@ -34,7 +34,7 @@ struct ExtractorOptions {
   ScalePyramid pyramid = {};
   FastOptions fast = {};
   EntropyOptions entropy = {};
-  double flat_share = 0.75;         // images with more weak blocks than that are flat
+  double flat_share = 0.5;          // images with more weak blocks than that are flat
   bool best_first = true;           // corners in sharpened blocks, and faint ones, come last
   bool describe_sharpened = false;  // orientation and descriptor too are of sharpened pixels
 };
