@@ -66,7 +66,9 @@ void read_tracking(Section section, TrackerOptions& tracker) {
   KeyframePolicyOptions& policy = tracker.keyframes;
   policy.max_frames_between = count("keyframe_max_frames", policy.max_frames_between, 1, 10000);
   policy.min_frames_between = count("keyframe_min_frames", policy.min_frames_between, 0, 10000);
-  policy.min_shared = section.number_or("keyframe_min_shared", policy.min_shared, {0, 1});
+  // Without the key each kind of sensor has its own default.
+  if (section.has("keyframe_min_shared"))
+    policy.min_shared = policy.min_shared_mono = section.number("keyframe_min_shared", {0, 1});
 }
 
 }  // namespace

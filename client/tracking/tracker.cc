@@ -280,7 +280,10 @@ bool Tracker::wants_keyframe(const TrackedFrame& frame, int landmarks) const {
     ++(frame.matches[f].shows_landmark() ? now.near_tracked : now.near_new);
   }
   KeyframePolicyOptions policy = options_.keyframes;
-  if (rig_->sensor == Sensor::kMono) policy.min_shared = policy.min_shared_mono;
+  if (rig_->sensor == Sensor::kMono) {
+    policy.min_shared = policy.min_shared_mono;
+    policy.weak_shared = policy.weak_shared_mono;
+  }
   return cairn::wants_keyframe(policy, now);
 }
 

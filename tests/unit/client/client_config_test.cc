@@ -71,6 +71,16 @@ TEST(ClientConfig, AnEmptyFileLeavesTheCameraToTheSource) {
   EXPECT_FALSE(config->camera.has_value());
 }
 
+TEST(ClientConfig, TheShareForKeyframesHoldsForEverySensorWhenGiven) {
+  const auto given = load("tracking:\n  keyframe_min_shared: 0.5\n");
+  ASSERT_TRUE(given.ok()) << given.message();
+  EXPECT_EQ(given->tracker.keyframes.min_shared, 0.5);
+  EXPECT_EQ(given->tracker.keyframes.min_shared_mono, 0.5);
+  const auto left_out = load("{}\n");
+  ASSERT_TRUE(left_out.ok()) << left_out.message();
+  EXPECT_GT(left_out->tracker.keyframes.min_shared_mono, left_out->tracker.keyframes.min_shared);
+}
+
 TEST(ClientConfig, SharpensAsInThePaperWhenAsked) {
   const auto config = load("frontend:\n  sharpen:\n    min_threshold: 4\n    as_in_paper: true\n");
   ASSERT_TRUE(config.ok()) << config.message();
