@@ -18,7 +18,7 @@ struct KeyframePolicyOptions {
   // for a keyframe. Higher makes more keyframes.
   double min_shared = 0.33;
   // The same without depth, where every landmark takes two keyframes that see it from apart.
-  double min_shared_mono = 0.8;
+  double min_shared_mono = 0.7;
   // Below this share tracking is weak: a keyframe even when the mapper is busy.
   double weak_shared = 0.15;
   // The same without depth: a server that answers a second late must not starve tracking.
