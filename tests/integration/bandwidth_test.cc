@@ -11,14 +11,14 @@ namespace {
 
 using std::chrono::seconds;
 
-struct Run {
+struct Delivered {
   double up = 0, down = 0;  // kilobytes a second of the recording
   double ate = 0;           // metres
   std::string log;          // the server's
 };
 
 // The desk in lockstep, where every run is the same.
-Run run_desk(const std::string& server_config) {
+Delivered run_desk(const std::string& server_config) {
   constexpr int kFrames = 200;
   Deployment deployment;
   std::vector<std::string> arguments;
@@ -38,7 +38,7 @@ Run run_desk(const std::string& server_config) {
 }
 
 TEST(Bandwidth, AClientNeedsNoMoreThanItShould) {
-  const Run run = run_desk("");
+  const Delivered run = run_desk("");
   EXPECT_LE(run.up, 150);
   EXPECT_LE(run.down, 50);
   EXPECT_LT(run.ate, 0.01);
@@ -48,7 +48,7 @@ TEST(Bandwidth, AClientNeedsNoMoreThanItShould) {
 }
 
 TEST(Bandwidth, ATighterBudgetIsKeptAndTheClientStillTracks) {
-  const Run run = run_desk("downlink:\n  kilobytes_per_s: 6\n  saved_kilobytes: 6\n");
+  const Delivered run = run_desk("downlink:\n  kilobytes_per_s: 6\n  saved_kilobytes: 6\n");
   EXPECT_GT(run.down, 2);
   EXPECT_LE(run.down, 10);  // poses and what is gone are sent all the same
   EXPECT_LT(run.ate, 0.02);
