@@ -1,5 +1,5 @@
 // Local bundle adjustment for all clients together: which keyframes wait for it, which of them one
-// solve serves, and that no two threads solve for the same keyframe at a time.
+// solve serves, and that no two threads that ask here solve for the same keyframe at a time.
 //
 // A keyframe comes here once the other steps of local mapping are done (local_mapping.h). Whoever
 // has brought one asks for work until there is none; a keyframe whose neighbourhood another thread

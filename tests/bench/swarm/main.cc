@@ -187,8 +187,9 @@ void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
   const auto count = static_cast<double>(walks.size());
   const auto merged = first_merge(outcome.log);
   const auto overlap = first_overlap(outcome);
+  // Before it: the keyframes that overlapped first have been culled since.
   const std::string merge_delay =
-      merged && overlap
+      merged && overlap && *merged >= *overlap
           ? fmt::format("{:.1f}", std::chrono::duration<double>(*merged - *overlap).count())
           : "-";
   fmt::print(
