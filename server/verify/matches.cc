@@ -1,10 +1,10 @@
 #include "server/verify/matches.h"
 
 #include <algorithm>
-#include <array>
 
 #include "common/feature/hamming.h"
 #include "common/feature/matching.h"
+#include "server/verify/similar_list.h"
 
 namespace cairn {
 namespace {
@@ -15,18 +15,7 @@ constexpr std::size_t kNearest = 4;
 // one thing that the map holds twice.
 constexpr double kSamePlace = 0.03;
 
-struct Found {
-  int index = -1;
-  int distance = 257;
-};
-using FoundList = std::array<Found, kNearest>;  // nearest first, of equals the first met
-
-void offer(FoundList& list, Found found) {
-  if (found.distance >= list.back().distance) return;
-  std::size_t at = kNearest - 1;
-  for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
-  list[at] = found;
-}
+using FoundList = SimilarList<kNearest>;
 
 bool same_place(const Side& side, int a, int b) {
   const Eigen::Vector3d& p = side.landmarks[static_cast<std::size_t>(a)].position;
@@ -34,14 +23,9 @@ bool same_place(const Side& side, int a, int b) {
   return (p - q).norm() <= kSamePlace * p.norm();
 }
 
-// The nearest is near enough and clearly nearer than the nearest one elsewhere.
 bool is_distinctive(const Side& side, const FoundList& list, const VerifyOptions& options) {
-  if (list[0].index < 0 || list[0].distance > options.max_distance) return false;
-  for (std::size_t i = 1; i < kNearest && list[i].index >= 0; ++i)
-    if (!same_place(side, list[0].index, list[i].index))
-      return static_cast<float>(list[0].distance) <=
-             options.ratio * static_cast<float>(list[i].distance);
-  return true;
+  return is_distinctive(list, options.max_distance, options.ratio,
+                        [&](int a, int b) { return same_place(side, a, b); });
 }
 
 struct Tables {
@@ -84,7 +68,7 @@ Matches match_sides(const Side& query, const Side& candidate, const VerifyOption
   matches.distinctive.resize(query.landmarks.size());
   for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
     const FoundList& list = tables.of_query[i];
-    for (const Found& found : list)
+    for (const Similar& found : list)
       if (found.index >= 0 && found.distance <= options.similar_distance)
         matches.similar.push_back({static_cast<int>(i), found.index});
     if (!is_distinctive(candidate, list, options)) continue;

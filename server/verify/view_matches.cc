@@ -1,11 +1,11 @@
 #include "server/verify/view_matches.h"
 
-#include <array>
 #include <cmath>
 #include <unordered_set>
 
 #include "common/feature/hamming.h"
 #include "common/feature/matching.h"
+#include "server/verify/similar_list.h"
 
 namespace cairn {
 namespace {
@@ -17,29 +17,7 @@ constexpr std::size_t kNearest = 3;
 constexpr float kSamePixels = 6;
 constexpr double kSamePlace = 0.03;
 
-struct Found {
-  int index = -1;
-  int distance = 257;
-};
-using FoundList = std::array<Found, kNearest>;  // nearest first, of equals the first met
-
-void offer(FoundList& list, Found found) {
-  if (found.distance >= list.back().distance) return;
-  std::size_t at = kNearest - 1;
-  for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
-  list[at] = found;
-}
-
-// The nearest is near enough and clearly nearer than the nearest one elsewhere.
-template <typename Same>
-bool is_distinctive(const FoundList& list, const LocateOptions& options, Same&& same_place) {
-  if (list[0].index < 0 || list[0].distance > options.max_distance) return false;
-  for (std::size_t i = 1; i < kNearest && list[i].index >= 0; ++i)
-    if (!same_place(list[0].index, list[i].index))
-      return static_cast<float>(list[0].distance) <=
-             options.ratio * static_cast<float>(list[i].distance);
-  return true;
-}
+using FoundList = SimilarList<kNearest>;
 
 struct Tables {
   std::vector<FoundList> of_seen, of_feature;
@@ -93,10 +71,12 @@ std::vector<ViewMatch> match_view(const Keyframe& view, const std::vector<SeenLa
   std::vector<ViewMatch> matches;
   std::vector<float> turns;
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    if (!is_distinctive(tables.of_seen[i], options, same_pixel)) continue;
+    if (!is_distinctive(tables.of_seen[i], options.max_distance, options.ratio, same_pixel))
+      continue;
     const auto f = static_cast<std::size_t>(tables.of_seen[i][0].index);
     if (tables.of_feature[f][0].index != static_cast<int>(i)) continue;
-    if (!is_distinctive(tables.of_feature[f], options, same_place)) continue;
+    if (!is_distinctive(tables.of_feature[f], options.max_distance, options.ratio, same_place))
+      continue;
     matches.push_back({seen[i].landmark, static_cast<std::uint16_t>(f)});
     turns.push_back(points[f].angle - seen[i].angle);
   }
