@@ -11,6 +11,7 @@
 
 #include "client/calibrate_entropy.h"
 #include "client/session.h"
+#include "common/util/clock.h"
 #include "common/util/log.h"
 
 namespace {
@@ -58,6 +59,7 @@ void print_report(const cairn::SessionReport& r) {
   const double seconds = std::max(r.seconds, 1e-9);
   fmt::print("frames {}\ntracked {}\ndropped {}\nskipped {}\n", r.frames, r.tracked, r.dropped,
              r.skipped);
+  fmt::print("parts {}\n", r.parts);
   fmt::print("keyframes {}\nmapped {}\nacknowledged {}\nundelivered {}\n", r.keyframes, r.mapped,
              r.acknowledged, r.undelivered);
   fmt::print("tracking_ms_median {:.2f}\ntracking_ms_p95 {:.2f}\nextraction_ms_median {:.2f}\n",
@@ -68,6 +70,18 @@ void print_report(const cairn::SessionReport& r) {
   fmt::print("up_kB_per_s {:.1f}\ndown_kB_per_s {:.1f}\n",
              static_cast<double>(r.bytes_up) / seconds / 1000,
              static_cast<double>(r.bytes_down) / seconds / 1000);
+}
+
+// A trajectory in several files is no matter to overlook.
+void tell_of_parts(const cairn::SessionReport& r) {
+  if (r.trajectories.size() < 2) return;
+  fmt::print(stderr,
+             "cairn-client: {} parts of the map were never merged; each has a file and a frame of "
+             "its own:\n",
+             r.trajectories.size());
+  for (const cairn::TrajectoryFile& t : r.trajectories)
+    fmt::print(stderr, "  {}: {} frames, {:.3f} s to {:.3f} s\n", t.file, t.frames,
+               cairn::to_seconds(t.first_ns), cairn::to_seconds(t.last_ns));
 }
 
 int exit_code(const cairn::Error& error) {
@@ -121,7 +135,8 @@ int main(int argc, char** argv) {
   app.add_option("--domain", domain, "DDS domain, 0 to 232; overrides the config")
       ->check(CLI::Range(0, 232));
   app.add_option("--trajectory", options.trajectory,
-                 "file for the corrected trajectory, TUM format");
+                 "file for the corrected trajectory, TUM format; OUT.part2.tum and so on for parts "
+                 "of the map that were never merged");
   app.add_option("--outbox", options.outbox,
                  "file that keeps keyframes until the server has them [NAME.outbox]");
   app.add_flag("--max-rate", options.max_rate,
@@ -166,6 +181,7 @@ int main(int argc, char** argv) {
     return exit_code(report.error());
   }
   print_report(*report);
+  tell_of_parts(*report);
   if (report->tracked == 0) {
     fmt::print(stderr, "cairn-client: no frame was tracked; is there enough texture and depth?\n");
     return kFailed;

@@ -291,8 +291,12 @@ Status Session::finish() {
   report_.undelivered = stats.keyframes_in_outbox;
   report_.bytes_up = stats.bytes_up;
   report_.bytes_down = stats.bytes_down;
-  if (!options_.trajectory.empty())
-    return write_trajectory(options_.trajectory, tracker_->trajectory());
+  const std::vector<Trajectory> parts = tracker_->trajectory_by_part();
+  report_.parts = parts.size();
+  if (options_.trajectory.empty()) return {};
+  Result<std::vector<TrajectoryFile>> written = write_trajectories(options_.trajectory, parts);
+  if (!written) return written.error();
+  report_.trajectories = std::move(*written);
   return {};
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/client_config.h"
+#include "client/trajectory_files.h"
 
 namespace cairn {
 
@@ -15,7 +16,7 @@ struct SessionOptions {
   ClientConfig config;
   std::string input;  // see open_source()
   std::string name = "camera";
-  std::string trajectory;  // TUM file to write; empty: none
+  std::string trajectory;  // TUM file to write, or the first of several; empty: none
   std::string outbox;      // empty: NAME.outbox in the working directory
   bool max_rate = false;   // every frame, as fast as tracking and mapping allow
   bool lockstep = false;   // wait for the server's answer to each keyframe
@@ -27,6 +28,9 @@ struct SessionReport {
   std::uint64_t frames = 0, tracked = 0, dropped = 0, skipped = 0;
   std::uint64_t keyframes = 0, mapped = 0, acknowledged = 0, undelivered = 0;
   std::uint64_t bytes_up = 0, bytes_down = 0;
+  // Of the map, that the run has been in and that were never merged; each has a file of its own.
+  std::size_t parts = 0;
+  std::vector<TrajectoryFile> trajectories;
   double seconds = 0;                 // from the first frame to the last
   std::vector<double> tracking_ms;    // each frame: features, pose, keyframe
   std::vector<double> extraction_ms;  // the features alone

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 
 #include "common/util/clock.h"
@@ -28,13 +29,21 @@ void add_fusions(const VerifiedLoop& loop, MapDelta& delta) {
     delta.fusions.push_back({of_query, of_candidate});
 }
 
-LoopEdge edge_of(const VerifiedLoop& loop) {
+LoopEdge edge_of(const Map& map, const VerifiedLoop& loop) {
   LoopEdge edge;
   edge.query = loop.query;
   edge.candidate = loop.candidate;
-  edge.candidate_from_query = loop.candidate_from_query;
+  edge.candidate_from_query = in_units(loop.candidate_from_query, map.keyframes.at(loop.query).unit,
+                                       map.keyframes.at(loop.candidate).unit);
   edge.inliers = loop.inliers;
   return edge;
+}
+
+// What an edge says in the map's unit as it is now.
+RelativePose present(const Map& map, const LoopEdge& edge) {
+  return {edge.query, edge.candidate,
+          in_units(edge.candidate_from_query, 1 / map.keyframes.at(edge.query).unit,
+                   1 / map.keyframes.at(edge.candidate).unit)};
 }
 
 // Of the spanning tree: that of the part, unless the map file comes from before parts were grafted.
@@ -212,7 +221,10 @@ void LoopCloser::recognise(const Map& map, KeyframeId id, bool merges_only) {
   for (const LoopCandidate& candidate : finder.find(map, index_, id)) {
     if (merges_only && root_of(map, candidate.keyframe) == root) continue;
     ++counters_.candidates;
-    const Verification v = verify_loop(map, id, candidate.keyframe, options_.verify);
+    VerifyOptions options = options_.verify;
+    // Of two parts that are measured in metres, and within one, the scale is known.
+    options.fix_scale = is_metric(map, id) && is_metric(map, candidate.keyframe);
+    const Verification v = verify_loop(map, id, candidate.keyframe, options);
     log::debug("keyframe {} of run {:x} may show what {} of {:x} does (score {:.3f}): {}",
                id.sequence, id.epoch, candidate.keyframe.sequence, candidate.keyframe.epoch,
                candidate.score, v.loop ? "verified" : v.why);
@@ -276,26 +288,32 @@ bool LoopCloser::is_small(const Map& map, const VerifiedLoop& loop) const {
   const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
   std::nth_element(distances.begin(), middle, distances.end());
   return error.translation.norm() < options_.small_shift_share * *middle &&
-         rotation_angle(error) < options_.small_turn;
+         rotation_angle(error) < options_.small_turn &&
+         std::abs(std::log(loop.candidate_from_query.scale)) < options_.small_scale;
 }
 
-// The younger part moves so that the query lies where the loop says.
+// A part moves so that the query lies where the loop says: one that has no scale of its own beside
+// one that is measured in metres, else the younger one.
 LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
                               const std::vector<KeyframeId>& of_query,
                               const std::vector<KeyframeId>& of_candidate) const {
   const Sim3 move =
       map_from_query(map, loop) * Sim3(map.keyframes.at(loop.query).map_from_camera).inverse();
-  const bool query_moves = first_arrival(map, of_candidate) < first_arrival(map, of_query);
+  const bool candidate_metric = is_metric(map, loop.candidate);
+  const bool query_moves = candidate_metric != is_metric(map, loop.query)
+                               ? candidate_metric
+                               : first_arrival(map, of_candidate) < first_arrival(map, of_query);
   const std::vector<KeyframeId>& part = query_moves ? of_query : of_candidate;
 
-  LoopClosure closure{.edge = edge_of(loop), .correction = MapDelta::based_on(map)};
+  LoopClosure closure{.edge = edge_of(map, loop), .correction = MapDelta::based_on(map)};
   closure.edge.merges = true;
   closure.edge.new_map_from_old_map = query_moves ? move : move.inverse();
   for (const KeyframeId id : part) {
     const KeyframeNode& node = map.keyframes.at(id);
     closure.correction.poses.push_back(
         {id, node.map_from_camera,
-         closure.edge.new_map_from_old_map.move_pose(node.map_from_camera)});
+         closure.edge.new_map_from_old_map.move_pose(node.map_from_camera),
+         closure.edge.new_map_from_old_map.scale});
     for (const LandmarkId l : node.landmarks) {
       const Landmark* landmark = map.landmarks.find(l);
       if (landmark && landmark->reference == id)
@@ -308,16 +326,18 @@ LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
   return closure;
 }
 
-// Nothing when the loop contradicts the others.
+// Nothing when the loop contradicts the others. Without a scale of its own a part may have drifted
+// in scale, too, which is distributed like the rest.
 std::optional<LoopClosure> LoopCloser::distribute(const Map& map, const VerifiedLoop& loop) {
   std::vector<RelativePose> loops;
   for (const LoopEdge& edge : map.loops)
-    if (edge.query != edge.candidate)
-      loops.push_back({edge.query, edge.candidate, edge.candidate_from_query});
+    if (edge.query != edge.candidate) loops.push_back(present(map, edge));
   loops.push_back({loop.query, loop.candidate, loop.candidate_from_query});
+  PoseGraphOptions options = options_.pose_graph;
+  options.with_scale = !is_metric(map, loop.query);
   PoseGraphSummary summary;
-  LoopClosure closure{.edge = edge_of(loop),
-                      .correction = solve_pose_graph(map, loops, options_.pose_graph, &summary)};
+  LoopClosure closure{.edge = edge_of(map, loop),
+                      .correction = solve_pose_graph(map, loops, options, &summary)};
   log::debug("pose graph: {} keyframes, {} edges, {} loops, {} rejected, {:.0f} ms: {}",
              summary.keyframes, summary.edges, summary.loops, summary.rejected.size(),
              summary.solve_ms, summary.message);

@@ -9,6 +9,11 @@
 // part of the map: a loop, which a pose graph distributes. Or in another part: the younger part
 // moves as a whole, and the two are one from then on.
 //
+// Scale: a part is measured in metres as soon as one of its keyframes is of a sensor with depth.
+// Two such parts are held against each other, and loops in one are closed, with the scale as it is.
+// Where a side has none the scale is sought as well: a part without one is what moves and is scaled
+// when it meets one with, and loops inside of it distribute the drift in scale, too.
+//
 // Nothing here holds up ingest or mapping: every step works on a snapshot and sends an event to the
 // map's writer.
 #pragma once
@@ -44,8 +49,9 @@ struct LoopCloserOptions {
   LocalWindowOptions window;
   GlobalBaOptions global_ba;
   // A loop that asks for less than this is no correction: what local adjustment can take up by
-  // itself. Share of the median distance of what both sides see, and radians.
-  double small_shift_share = 0.01, small_turn = 0.005;
+  // itself. Share of the median distance of what both sides see, radians, and logarithm of the
+  // scale, where that is free.
+  double small_shift_share = 0.01, small_turn = 0.005, small_scale = 0.02;
   // While more keyframes wait they only go into the index: recognition may miss one, mapping must
   // not starve.
   std::size_t max_waiting = 40;

@@ -84,7 +84,7 @@ void fill_in(const Map& map, const Place& place, const RelocaliseOptions& option
              RelocaliseAnswer& answer) {
   answer.found = true;
   answer.reference = place.keyframe();
-  answer.map_from_reference = map.keyframes.at(answer.reference).map_from_camera;
+  answer.map_from_reference = map.keyframes.at(answer.reference).scaled_pose();
   answer.map_from_camera = place.location.map_from_camera;
   answer.matches = place.location.matches;
   MapUpdate& around = answer.around;
@@ -115,6 +115,9 @@ RelocaliseAnswer relocalise(const Map& map, const PlaceIndex& index, const Vocab
   int left = options.most_held;
   for (const LoopCandidate& candidate : candidates) {
     if (is_known(map, places, candidate.keyframe)) continue;
+    // Depth in metres means nothing where the unit is another one. Such a client starts a part of
+    // its own, which gives that one its scale when they are merged.
+    if (view.rig->sensor != Sensor::kMono && !is_metric(map, candidate.keyframe)) continue;
     if (left-- == 0) break;
     Locating held = locate(map, view, grid, candidate.keyframe, options.locate);
     log::debug("view {} of run {:x} may show what keyframe {} of {:x} does (score {:.3f}): {}",

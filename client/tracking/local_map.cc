@@ -36,6 +36,13 @@ LocalLandmark landmark_from_feature(const Keyframe& keyframe, std::uint16_t feat
       map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity)), map_from_camera);
 }
 
+void move_landmark(const Sim3& move, LocalLandmark& landmark) {
+  landmark.position = move * landmark.position;
+  landmark.normal = move.rotation * landmark.normal;
+  landmark.min_distance *= static_cast<float>(move.scale);
+  landmark.max_distance *= static_cast<float>(move.scale);
+}
+
 }  // namespace
 
 const LocalLandmark* LocalMap::find(LandmarkId id) const {
@@ -163,7 +170,7 @@ void LocalMap::add_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera)
   OwnKeyframe mine;
   mine.id = keyframe->id;
   mine.map_from_camera = map_from_camera;
-  mine.reference = keyframe->reference;
+  mine.reference = mine.tracked_against = keyframe->reference;
   mine.reference_from_camera = keyframe->reference_from_camera;
   mine.keyframe = std::move(keyframe);
   keyframes_.push_back(std::move(mine));
@@ -183,23 +190,25 @@ void LocalMap::let_features_go() {
 void LocalMap::add_landmark(const Keyframe& keyframe, const ProvisionalLandmark& made) {
   if (slot_of(made.id)) return;
   const Slot slot = insert(provisional_landmark(keyframe, made.feature, made.id, made.position,
-                                                keyframes_.back().map_from_camera));
+                                                keyframes_.back().map_from_camera.pose()));
   observe(slot, made.id.creator());
   observe(slot, keyframe.id);
 }
 
 void LocalMap::apply(const MapUpdate& update) {
-  // Sensors with depth know the scale, and maps of different scale are never merged.
-  if (update.new_map_from_old_map)
-    move({update.new_map_from_old_map->rotation, update.new_map_from_old_map->translation});
+  if (update.new_map_from_old_map) move(*update.new_map_from_old_map);
   id_ = update.map;
   if (update.is_refresh()) forget_servers_landmarks(update);
-  std::unordered_map<KeyframeId, Rigid3> old_poses;
+  std::unordered_map<KeyframeId, Sim3> old_poses;
   for (const OwnKeyframe& k : keyframes_) old_poses[k.id] = k.map_from_camera;
 
   place_keyframes(update);
   if (!keyframes_.empty() && update.epoch == keyframes_.front().id.epoch)
     mapped_keyframes_ = std::max<std::size_t>(mapped_keyframes_, update.mapped_keyframes);
+  if (!update.parts.empty()) {
+    told_parts_ = update.parts;
+    told_of_ = update.mapped_keyframes;
+  }
   let_features_go();
 
   // Provisional landmarks keep their place relative to the keyframe that made them. A loop moves
@@ -210,9 +219,7 @@ void LocalMap::apply(const MapUpdate& update) {
     if (!landmark.anchor.is_valid() && update.landmarks_follow)
       moves_with = first_own_observer(landmark);
     if (!moves_with) continue;
-    const Rigid3 move = moves_with->map_from_camera * old_poses[moves_with->id].inverse();
-    landmark.position = move * landmark.position;
-    landmark.normal = move.rotation * landmark.normal;
+    move_landmark(moves_with->map_from_camera * old_poses[moves_with->id].inverse(), landmark);
     if (is_known_to_server(landmark, update)) landmark.anchor = {};
   }
   for (const LandmarkState& state : update.landmarks) update_landmark(state);
@@ -238,16 +245,12 @@ const LocalMap::OwnKeyframe* LocalMap::first_own_observer(const LocalLandmark& l
   return first;
 }
 
-void LocalMap::move(const Rigid3& new_map_from_old_map) {
+void LocalMap::move(const Sim3& new_map_from_old_map) {
   for (OwnKeyframe& k : keyframes_) k.map_from_camera = new_map_from_old_map * k.map_from_camera;
-  for (const auto& [id, slot] : by_id_) {
-    LocalLandmark& landmark = slots_[slot];
-    landmark.position = new_map_from_old_map * landmark.position;
-    landmark.normal = new_map_from_old_map.rotation * landmark.normal;
-  }
+  for (const auto& [id, slot] : by_id_) move_landmark(new_map_from_old_map, slots_[slot]);
 }
 
-NewNames LocalMap::change_map(const Rigid3& new_map_from_old_map) {
+NewNames LocalMap::change_map(const Sim3& new_map_from_old_map) {
   move(new_map_from_old_map);
   const NewNames names = take_over_landmarks();
   for (OwnKeyframe& k : keyframes_) take_over_keyframe(k, names);
@@ -397,7 +400,30 @@ const LocalMap::OwnKeyframe* LocalMap::own(KeyframeId id) const {
 std::optional<Rigid3> LocalMap::pose_of(KeyframeId keyframe) const {
   const OwnKeyframe* k = own(keyframe);
   if (!k) return std::nullopt;
+  return k->map_from_camera.pose();
+}
+
+std::optional<Sim3> LocalMap::scaled_pose_of(KeyframeId keyframe) const {
+  const OwnKeyframe* k = own(keyframe);
+  if (!k) return std::nullopt;
   return k->map_from_camera;
+}
+
+std::vector<std::uint32_t> LocalMap::parts() const {
+  std::vector<std::uint32_t> parts;
+  std::uint32_t next = 0;
+  for (const PartOfRun& run : told_parts_) next = std::max(next, run.part + 1);
+  auto run = told_parts_.begin();
+  for (const OwnKeyframe& k : keyframes_) {
+    const std::uint32_t sequence = k.id.sequence;
+    if (sequence < told_of_) {
+      while (run + 1 != told_parts_.end() && (run + 1)->first <= sequence) ++run;
+      parts.push_back(run->part);
+    } else {
+      parts.push_back(own(k.tracked_against) ? parts[k.tracked_against.sequence] : next++);
+    }
+  }
+  return parts;
 }
 
 std::vector<KeyframePtr> LocalMap::recent_keyframes() const {

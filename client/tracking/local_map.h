@@ -4,7 +4,10 @@
 // server; what the server sends corrects and replaces them.
 //
 // Everything is in the `map` frame, which is the frame of the first keyframe until the server says
-// otherwise. A server that has lost its map, or another one, has another map: see change_map().
+// otherwise, and in its unit. Where the server changes the scale, by a loop or a merge of maps
+// without depth, all that is here changes with it; what was measured relative to a keyframe stays
+// as it is, in the keyframe's own unit (Keyframe, KeyframePose). A server that has lost its map, or
+// another one, has another map: see change_map().
 // Tracking thread only.
 #pragma once
 
@@ -106,10 +109,15 @@ class LocalMap {
   // place there, and so do the landmarks that they see: the server that has the new map knows none
   // of them, they are the client's own again. Those of the server's making get names of the
   // client's, since theirs mean others in the new map; what no own keyframe sees is dropped.
-  NewNames change_map(const Rigid3& new_map_from_old_map);
+  NewNames change_map(const Sim3& new_map_from_old_map);
 
-  // Pose of an own keyframe; nothing for others.
+  // Pose of an own keyframe; nothing for others. The second with the size of its own unit.
   std::optional<Rigid3> pose_of(KeyframeId keyframe) const;
+  std::optional<Sim3> scaled_pose_of(KeyframeId keyframe) const;
+  // Which part of the map each own keyframe lies in, by sequence: the same number is the same part,
+  // 0 that of the first one. By what the server has told, and for later keyframes by what they were
+  // tracked against.
+  std::vector<std::uint32_t> parts() const;
   // Latest keyframes, newest first, whose features are still held.
   std::vector<KeyframePtr> recent_keyframes() const;
   // Those of them that share sight of any of `seen`, most shared first, at most `count`.
@@ -126,9 +134,10 @@ class LocalMap {
 
   struct OwnKeyframe {
     KeyframeId id;
-    Rigid3 map_from_camera;
+    Sim3 map_from_camera;
     KeyframeId reference;  // pose follows from this one until the server has placed the keyframe
-    Rigid3 reference_from_camera;
+    Sim3 reference_from_camera;
+    KeyframeId tracked_against;
     bool placed_by_server = false;
     bool of_former_map = false;  // and so far unknown to the present one
     KeyframePtr keyframe;        // null once its features were let go
@@ -143,7 +152,7 @@ class LocalMap {
   void rename(LandmarkId from, LandmarkId to);
   std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;
   LandmarkId current_name(LandmarkId id) const;
-  void move(const Rigid3& new_map_from_old_map);
+  void move(const Sim3& new_map_from_old_map);
   NewNames take_over_landmarks();
   void take_over_keyframe(OwnKeyframe& mine, const NewNames& names) const;
   const OwnKeyframe* first_own_observer(const LocalLandmark& landmark) const;
@@ -166,6 +175,8 @@ class LocalMap {
   std::vector<OwnKeyframe> keyframes_;                         // by sequence; all of one epoch
   std::size_t first_with_features_ = 0;                        // into keyframes_
   std::size_t mapped_keyframes_ = 0;                           // as the server has told
+  std::vector<PartOfRun> told_parts_;                          // of so many first keyframes:
+  std::size_t told_of_ = 0;
   std::vector<std::uint64_t> mark_;  // a slot: the last query that took it
   std::uint64_t queries_ = 0;
 };

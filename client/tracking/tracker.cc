@@ -54,7 +54,7 @@ void Tracker::finish(std::unique_ptr<TrackedFrame> frame, TrackingResult& result
   result.state = state_;
   result.map_from_camera = frame->map_from_camera;
   result.odom_from_camera = last_odom_from_camera_ =
-      map_from_odom_.inverse() * frame->map_from_camera;
+      map_from_odom_.inverse().move_pose(frame->map_from_camera);
   last_ = std::move(frame);
 }
 
@@ -146,7 +146,7 @@ TrackingResult Tracker::take(const RelocaliseAnswer& answer) {
   // The way here is not known: unless the place is one that this client has been to, odom goes on
   // as if the camera had not moved.
   if (!map_.most_shared(frame->landmarks()))
-    map_from_odom_ = frame->map_from_camera * last_odom_from_camera_.inverse();
+    move_odom(last_odom_from_camera_, frame->map_from_camera);
   state_ = TrackingState::kTracking;
   has_motion_ = false;
   frames_since_loss_ = 0;
@@ -177,7 +177,7 @@ int Tracker::locate(const RelocaliseAnswer& answer, TrackedFrame& frame) {
 bool Tracker::start(TrackedFrame& frame, TrackingResult& result) {
   if (rig_->sensor == Sensor::kMono) return start_mono(frame, result);
   if (features_with_depth(frame) < options_.min_start_features) return false;
-  frame.map_from_camera = map_from_odom_ * last_odom_from_camera_;
+  frame.map_from_camera = map_from_odom_.move_pose(last_odom_from_camera_);
   has_motion_ = false;
   state_ = TrackingState::kTracking;
   result.keyframe = make_keyframe(frame);
@@ -190,7 +190,7 @@ bool Tracker::start_mono(TrackedFrame& frame, TrackingResult& result) {
   std::optional<StartMap> started = mono_start_.add(frame.stamp_ns, frame.features, frame.grid);
   if (!started) return false;
   TrackedFrame first(started->reference_stamp_ns, rig_, std::move(started->reference));
-  first.map_from_camera = map_from_odom_ * last_odom_from_camera_;
+  first.map_from_camera = map_from_odom_.move_pose(last_odom_from_camera_);
   result.first_keyframe = make_keyframe(first, {});
   record(first);
   const KeyframeId origin = reference_;
@@ -324,11 +324,11 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame,
   keyframe->stamp_ns = frame.stamp_ns;
   keyframe->rig = rig_;
   keyframe->noise = frame.noise;
-  keyframe->odom_from_camera = map_from_odom_.inverse() * frame.map_from_camera;
+  keyframe->odom_from_camera = map_from_odom_.inverse() * Sim3(frame.map_from_camera);
   keyframe->reference = reference_;
-  if (const auto map_from_reference =
-          foreign_reference_ ? foreign_reference_->map_from_camera : map_.pose_of(reference_))
-    keyframe->reference_from_camera = map_from_reference->inverse() * frame.map_from_camera;
+  if (const auto map_from_reference = foreign_reference_ ? foreign_reference_->map_from_camera
+                                                         : map_.scaled_pose_of(reference_))
+    keyframe->reference_from_camera = map_from_reference->inverse() * Sim3(frame.map_from_camera);
 
   make_landmarks(keyframe->id, frame);
   for (const ProvisionalLandmark& p : triangulated)
@@ -346,24 +346,39 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame,
 }
 
 void Tracker::record(const TrackedFrame& frame) {
-  const auto map_from_reference = map_.pose_of(reference_);
-  reference_from_last_ = map_from_reference->inverse() * frame.map_from_camera;
+  const auto map_from_reference = map_.scaled_pose_of(reference_);
+  reference_from_last_ = map_from_reference->inverse().move_pose(frame.map_from_camera);
   trajectory_.add(frame.stamp_ns, reference_, reference_from_last_);
 }
 
 void Tracker::apply(const MapUpdate& update) {
-  // The last frame keeps its place beside its reference keyframe; the difference goes between odom
-  // and map, so that the client's own frame does not jump.
+  // The last frame keeps its place beside its reference keyframe, in its unit; the difference goes
+  // between odom and map, so that the client's own frame does not jump.
   const Rigid3 odom_from_camera =
-      last_ ? map_from_odom_.inverse() * last_->map_from_camera : Rigid3();
+      last_ ? map_from_odom_.inverse().move_pose(last_->map_from_camera) : Rigid3();
+  const double old_unit = last_ ? map_.scaled_pose_of(reference_)->scale : 1;
   if (map_.is_of_another_map(update)) change_map();
   map_.apply(update);
   merge_epoch_ = update.merge_epoch;
   if (update.epoch == epoch_)
     mapped_keyframes_ = std::max(mapped_keyframes_, update.mapped_keyframes);
-  if (!last_) return;
-  last_->map_from_camera = *map_.pose_of(reference_) * reference_from_last_;
-  map_from_odom_ = last_->map_from_camera * odom_from_camera.inverse();
+  if (!last_) {
+    if (update.new_map_from_old_map) map_from_odom_ = *update.new_map_from_old_map * map_from_odom_;
+    return;
+  }
+  const Sim3 map_from_reference = *map_.scaled_pose_of(reference_);
+  const double growth = map_from_reference.scale / old_unit;
+  last_->map_from_camera = map_from_reference.move_pose(reference_from_last_);
+  last_from_current_.translation *= growth;
+  map_from_odom_.scale *= growth;
+  move_odom(odom_from_camera, last_->map_from_camera);
+}
+
+// What is at one place in odom is at the other one in the map; the scale stays.
+void Tracker::move_odom(const Rigid3& odom_from_camera, const Rigid3& map_from_camera) {
+  const Sim3 map_from_camera_in_odom(map_from_camera.rotation, map_from_camera.translation,
+                                     map_from_odom_.scale);
+  map_from_odom_ = map_from_camera_in_odom * Sim3(odom_from_camera).inverse();
 }
 
 void Tracker::change_map() {

@@ -81,7 +81,8 @@ class Tracker {
   // Whether the answer to the latest question would still help.
   bool awaits_answer() const { return asked_ != nullptr; }
 
-  // Corrections by the server; call between frames. What is being tracked moves along with the map.
+  // Corrections by the server; call between frames. What is being tracked moves along with the map,
+  // in scale, too.
   // Of another map than before (the server was restarted without it), the client's odom frame is
   // taken for its frame: the server places the keyframes that it gets by what they say of odom.
   void apply(const MapUpdate& update);
@@ -101,6 +102,7 @@ class Tracker {
   // Keyframes made that the server has not told of as mapped, whether there is a server or not.
   int unmapped() const { return static_cast<int>(next_sequence_ - mapped_keyframes_); }
   Trajectory trajectory() const { return trajectory_.poses(map_); }
+  std::vector<Trajectory> trajectory_by_part() const { return trajectory_.poses_by_part(map_); }
   const LocalMap& map() const { return map_; }
 
  private:
@@ -124,6 +126,7 @@ class Tracker {
   KeyframePtr make_keyframe(TrackedFrame& frame, std::span<const ProvisionalLandmark> triangulated);
   void record(const TrackedFrame& frame);
   void change_map();
+  void move_odom(const Rigid3& odom_from_camera, const Rigid3& map_from_camera);
 
   const std::uint64_t epoch_;
   const std::shared_ptr<const Rig> rig_;
@@ -137,8 +140,8 @@ class Tracker {
   Rigid3 last_from_current_;            // predicted motion, camera to camera
   bool has_motion_ = false;
   KeyframeId reference_;        // own keyframe that the current view is nearest to
-  Rigid3 reference_from_last_;  // the last frame's pose, relative to it
-  Rigid3 map_from_odom_;
+  Rigid3 reference_from_last_;  // the last frame's pose, relative to it, in its own unit
+  Sim3 map_from_odom_;          // odom keeps the unit that the run has begun with
   int frames_since_keyframe_ = 0;
   int frames_since_loss_ = 1'000'000;
   std::size_t lost_attempts_ = 0;

@@ -12,11 +12,14 @@ namespace cairn {
 
 class FrameTrajectory {
  public:
-  // A frame whose pose relative to an own keyframe is known. Stamps ascend.
+  // A frame whose pose relative to an own keyframe is known, in that one's own unit. Stamps ascend.
   void add(std::int64_t stamp_ns, KeyframeId reference, const Rigid3& reference_from_camera);
   std::size_t size() const { return frames_.size(); }
   // Every frame's pose by the keyframe poses that the map holds now.
   Trajectory poses(const LocalMap& map) const;
+  // The same by parts of the map, which have a frame, and without depth a scale, each of its own.
+  // In the order of their first frames; none empty.
+  std::vector<Trajectory> poses_by_part(const LocalMap& map) const;
 
  private:
   struct Entry {

@@ -1,5 +1,7 @@
 #include "common/geometry/sim3.h"
 
+#include <cmath>
+
 #include <Eigen/SVD>
 
 namespace cairn {
@@ -8,6 +10,21 @@ Sim3 Sim3::inverse() const {
   const Eigen::Quaterniond r = rotation.conjugate();
   const double s = 1.0 / scale;
   return {r, -s * (r * translation), s};
+}
+
+Eigen::Matrix4d Sim3::matrix() const {
+  Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
+  m.topLeftCorner<3, 3>() = scale * rotation.toRotationMatrix();
+  m.topRightCorner<3, 1>() = translation;
+  return m;
+}
+
+bool Sim3::is_finite() const {
+  return pose().is_finite() && std::isfinite(scale);
+}
+
+Sim3 in_units(const Sim3& b_from_a, double unit_a, double unit_b) {
+  return {b_from_a.rotation, b_from_a.translation / unit_b, b_from_a.scale * unit_a / unit_b};
 }
 
 Sim3 Sim3::operator*(const Sim3& other) const {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/geometry/camera.h"
-#include "common/geometry/rigid3.h"
+#include "common/geometry/sim3.h"
 #include "common/model/features.h"
 #include "common/model/ids.h"
 
@@ -40,11 +40,16 @@ struct Keyframe {
   std::shared_ptr<const Rig> rig;
   Features features;
 
-  Rigid3 odom_from_camera;  // the client's own, never corrected
+  // Where it is, and in which unit: its own is that of the map as its client had it when it made
+  // the keyframe. A camera without depth has a map of any scale, and a loop or a merge may change
+  // that later, when keyframes are still on their way. So both transforms tell how large the own
+  // unit is in the other's: in odom's, which stays the same all along the run, and in the
+  // reference's own, which does not change either. Scale 1 for sensors with depth.
+  Sim3 odom_from_camera;  // the client's own, never corrected
   // The keyframe that this one was tracked against, and the pose relative to it. For the first
   // keyframe of a map `reference` is not valid and `reference_from_camera` is the identity.
   KeyframeId reference;
-  Rigid3 reference_from_camera;
+  Sim3 reference_from_camera;
 
   // How many times less precisely than usual features lie where they should, see
   // measurement_noise.h: more than 1 for an image blurred by motion.

@@ -54,17 +54,25 @@ struct LandmarkRemoval {
   std::optional<LandmarkId> replaced_by;
 };
 
-// Pose of one of the client's own keyframes.
+// Pose of one of the client's own keyframes, and how large its own unit is in the map's (Keyframe).
 struct KeyframePose {
   KeyframeId id;
-  Rigid3 map_from_camera;
+  Sim3 map_from_camera;
 };
 
-// A keyframe that the map no longer holds; its pose follows from another one's.
+// A keyframe that the map no longer holds; its pose and unit follow from another one's.
 struct KeyframeRemoval {
   KeyframeId id;
   KeyframeId anchor;
-  Rigid3 anchor_from_camera;
+  Sim3 anchor_from_camera;
+};
+
+// The client's own keyframes from sequence `first` on, up to the next entry's, lie in one part of
+// the map: the same as others with this number.
+struct PartOfRun {
+  std::uint32_t first = 0, part = 0;
+
+  auto operator<=>(const PartOfRun&) const = default;
 };
 
 struct MapUpdate {
@@ -89,9 +97,12 @@ struct MapUpdate {
   // share of their distance from here.
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
 
-  // All ascending by id.
+  // All ascending by id, `parts` by sequence.
   std::vector<KeyframePose> keyframes;
   std::vector<KeyframeRemoval> removed_keyframes;
+  // Which of keyframes 0 .. mapped_keyframes-1 hang together, when that is news: a client that was
+  // lost may have been in several parts of the map. Takes the place of what was told before.
+  std::vector<PartOfRun> parts;
   std::vector<LandmarkState> landmarks;
   std::vector<LandmarkMove> moved_landmarks;
   std::vector<LandmarkRemoval> removed_landmarks;

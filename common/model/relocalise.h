@@ -20,7 +20,7 @@ struct RelocaliseAnswer {
   // The rest only where it was found. The keyframe, of any client, that shows most of what the view
   // does: what the view's own keyframe refers to.
   KeyframeId reference;
-  Rigid3 map_from_reference;
+  Sim3 map_from_reference;             // with the size of its own unit (Keyframe)
   Rigid3 map_from_camera;              // of the view
   std::vector<LandmarkMatch> matches;  // of the view's features, ascending
   // The landmarks around, those of `matches` among them, as changes that may come at any point of

@@ -92,7 +92,7 @@ Status check_keyframe(const Keyframe& keyframe) {
   if (!keyframe.rig) return unsound("without a rig");
   if (Status s = check_rig(*keyframe.rig); !s) return s;
   if (!is_sound(keyframe.odom_from_camera) || !is_sound(keyframe.reference_from_camera))
-    return unsound("pose is no rigid motion");
+    return unsound("pose is no similarity");
   if (keyframe.reference.epoch == keyframe.id.epoch &&
       keyframe.reference.sequence >= keyframe.id.sequence)
     return unsound("reference is not an earlier keyframe");

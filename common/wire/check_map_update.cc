@@ -46,6 +46,12 @@ bool is_sound(const KeyframeRemoval& r) {
          wire::is_sound(r.anchor_from_camera);
 }
 
+bool is_sound(const std::vector<PartOfRun>& parts) {
+  for (std::size_t i = 1; i < parts.size(); ++i)
+    if (parts[i - 1].first >= parts[i].first) return false;
+  return parts.empty() || parts.front().first == 0;
+}
+
 bool is_sound(const LandmarkRemoval& r) {
   return wire::is_sound(r.id) &&
          (!r.replaced_by || (wire::is_sound(*r.replaced_by) && *r.replaced_by != r.id));
@@ -63,6 +69,7 @@ Status check_map_update(const MapUpdate& update) {
   for (const auto& k : update.keyframes)
     if (!k.id.is_valid() || !wire::is_sound(k.map_from_camera))
       return unsound("keyframe with an impossible id or pose");
+  if (!is_sound(update.parts)) return unsound("parts of the run out of order");
   for (const auto& r : update.removed_keyframes)
     if (!is_sound(r)) return unsound("removed keyframe with an impossible id, anchor or pose");
   for (const auto& l : update.landmarks)

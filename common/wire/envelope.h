@@ -20,8 +20,8 @@ struct Format {
 };
 
 inline constexpr std::size_t kEnvelopeSize = 16;
-inline constexpr Format kKeyframeFormat{"CRNK", 3, "keyframe"};
-inline constexpr Format kMapUpdateFormat{"CRNU", 2, "map update"};
+inline constexpr Format kKeyframeFormat{"CRNK", 4, "keyframe"};
+inline constexpr Format kMapUpdateFormat{"CRNU", 3, "map update"};
 
 Blob seal(const Format& format, Bytes payload);
 

@@ -117,7 +117,7 @@ std::vector<LandmarkMatch> sendable_matches(const Keyframe& keyframe) {
 
 // Poses come out of long products; leave them alone unless they have drifted, so that encoding what
 // was decoded changes nothing.
-void settle(Rigid3& transform) {
+void settle(Sim3& transform) {
   const double error = std::abs(transform.rotation.norm() - 1);
   if (error > 1e-9 && error < 1e-3) transform.rotation.normalize();
 }
@@ -139,11 +139,11 @@ Result<Blob> encode_keyframe(std::string_view client, const Keyframe& original) 
   out.put(head.id.sequence);
   out.put(static_cast<std::uint64_t>(head.stamp_ns));
   put_rig(out, *head.rig);
-  put_rigid(out, head.odom_from_camera);
+  put_similarity(out, head.odom_from_camera);
   out.put(head.reference.epoch);
   if (head.reference.is_valid()) {
     out.put(head.reference.sequence);
-    put_rigid(out, head.reference_from_camera);
+    put_similarity(out, head.reference_from_camera);
   }
   out.put(head.noise);
   put_features(out, head.features, head.rig->camera);
@@ -166,11 +166,11 @@ Result<DecodedKeyframe> decode_keyframe(Bytes blob) {
   keyframe->id.sequence = in.get<std::uint32_t>();
   keyframe->stamp_ns = static_cast<std::int64_t>(in.get<std::uint64_t>());
   keyframe->rig = get_rig(in);
-  keyframe->odom_from_camera = get_rigid(in);
+  keyframe->odom_from_camera = get_similarity(in);
   keyframe->reference.epoch = in.get<std::uint64_t>();
   if (keyframe->reference.is_valid()) {
     keyframe->reference.sequence = in.get<std::uint32_t>();
-    keyframe->reference_from_camera = get_rigid(in);
+    keyframe->reference_from_camera = get_similarity(in);
   }
   keyframe->noise = in.get_float();
   if (!get_features(in, keyframe->rig->camera, keyframe->features) || !get_matches(in, *keyframe) ||

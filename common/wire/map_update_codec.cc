@@ -1,5 +1,6 @@
 #include "common/wire/map_update_codec.h"
 
+#include <algorithm>
 #include <iterator>
 #include <string>
 #include <utility>
@@ -14,6 +15,7 @@ namespace {
 
 // Fewest bytes that one entry of each list can take: what a claimed length is checked against.
 constexpr std::size_t kMinPoseBytes = 2 + kPoseBytes;
+constexpr std::size_t kMinPartBytes = 2;
 constexpr std::size_t kMinKeyframeRemovalBytes = 4 + kPoseBytes;
 constexpr std::size_t kMinMoveBytes = 1 + kPointBytes;
 constexpr std::size_t kMinLandmarkBytes = kMinMoveBytes + kNormalBytes + kRangeBytes + 3;
@@ -21,6 +23,7 @@ constexpr std::size_t kMinLandmarkRemovalBytes = 2;
 
 // What one takes in a list of many, as a rule; and at most.
 constexpr std::size_t kUsualIdBytes = 2, kMostIdBytes = 20;
+constexpr std::size_t kUnitBytes = 4, kMostPartBytes = 10;
 
 // What a landmark's state has after its range: how many observers, and whether a feature of the
 // client's own shows it.
@@ -47,6 +50,29 @@ EpochTableWriter collect_epochs(const MapUpdate& update) {
   return epochs;
 }
 
+// With depth, and before the first change of scale, every unit is the map's.
+bool is_unit_told(const Sim3& pose) {
+  return static_cast<float>(pose.scale) != 1.0f;
+}
+
+bool tells_units(const MapUpdate& update) {
+  return std::any_of(update.keyframes.begin(), update.keyframes.end(),
+                     [](const auto& k) { return is_unit_told(k.map_from_camera); }) ||
+         std::any_of(update.removed_keyframes.begin(), update.removed_keyframes.end(),
+                     [](const auto& r) { return is_unit_told(r.anchor_from_camera); });
+}
+
+void put_scaled_pose(ByteWriter& out, const Sim3& pose, const Eigen::Vector3d& centre, bool unit) {
+  put_pose(out, pose.pose(), centre);
+  if (unit) out.put(static_cast<float>(pose.scale));
+}
+
+Sim3 get_scaled_pose(ByteReader& in, const Eigen::Vector3d& centre, bool unit) {
+  Sim3 pose = get_pose(in, centre);
+  if (unit) pose.scale = in.get_float();
+  return pose;
+}
+
 void put_head(ByteWriter& out, std::string_view client, const MapUpdate& update) {
   out.put_string(client);
   out.put(update.map.value);
@@ -55,16 +81,17 @@ void put_head(ByteWriter& out, std::string_view client, const MapUpdate& update)
   out.put(update.merge_epoch);
   out.put(update.epoch);
   out.put(update.mapped_keyframes);
-  out.put(static_cast<std::uint8_t>(update.settled | update.landmarks_follow << 1));
+  out.put(static_cast<std::uint8_t>(update.settled | update.landmarks_follow << 1 |
+                                    tells_units(update) << 2));
   out.put(static_cast<std::uint8_t>(update.new_map_from_old_map.has_value()));
   if (const auto& moved = update.new_map_from_old_map) {
-    put_rigid(out, {moved->rotation, moved->translation});
-    out.put(moved->scale);
+    put_similarity(out, *moved);
   }
   for (int i = 0; i < 3; ++i) out.put(update.centre[i]);
 }
 
-bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
+// `units`: whether poses are followed by the size of the keyframe's own unit.
+bool get_head(ByteReader& in, DecodedMapUpdate& decoded, bool& units) {
   MapUpdate& update = decoded.update;
   decoded.client = in.get_string();
   update.map.value = in.get<std::uint64_t>();
@@ -74,15 +101,13 @@ bool get_head(ByteReader& in, DecodedMapUpdate& decoded) {
   update.epoch = in.get<std::uint64_t>();
   update.mapped_keyframes = in.get<std::uint32_t>();
   const auto flags = in.get<std::uint8_t>();
-  if (flags > 3) return false;
+  if (flags > 7) return false;
   update.settled = (flags & 1) != 0;
   update.landmarks_follow = (flags & 2) != 0;
+  units = (flags & 4) != 0;
   const auto moved = in.get<std::uint8_t>();
   if (moved > 1) return false;
-  if (moved == 1) {
-    const Rigid3 rigid = get_rigid(in);
-    update.new_map_from_old_map = Sim3(rigid.rotation, rigid.translation, in.get_double());
-  }
+  if (moved == 1) update.new_map_from_old_map = get_similarity(in);
   for (int i = 0; i < 3; ++i) update.centre[i] = in.get_double();
   // Before points are made of it.
   return in.ok() && update.centre.allFinite();
@@ -186,21 +211,28 @@ bool get_landmark_list(ByteReader& in, const EpochTableReader& epochs, std::size
   });
 }
 
-bool get_lists(ByteReader& in, MapUpdate& update) {
+bool get_lists(ByteReader& in, bool units, MapUpdate& update) {
   EpochTableReader epochs;
   if (!epochs.read(in)) return false;
   const bool keyframes = get_list(in, kMinPoseBytes, update.keyframes, [&](KeyframePose& k) {
     k.id = epochs.get_keyframe(in);
-    k.map_from_camera = get_pose(in, update.centre);
+    k.map_from_camera = get_scaled_pose(in, update.centre, units);
     return true;
   });
   const auto get_removal = [&](KeyframeRemoval& r) {
     r.id = epochs.get_keyframe(in);
     r.anchor = epochs.get_keyframe(in);
-    r.anchor_from_camera = get_pose(in, Eigen::Vector3d::Zero());
+    r.anchor_from_camera = get_scaled_pose(in, Eigen::Vector3d::Zero(), units);
     return true;
   };
-  if (!keyframes || !get_list(in, kMinKeyframeRemovalBytes, update.removed_keyframes, get_removal))
+  const auto get_part = [&](PartOfRun& p) {
+    const std::uint64_t first = in.get_varint(), part = in.get_varint();
+    p = {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(part)};
+    return std::max(first, part) <= UINT32_MAX;
+  };
+  if (!keyframes ||
+      !get_list(in, kMinKeyframeRemovalBytes, update.removed_keyframes, get_removal) ||
+      !get_list(in, kMinPartBytes, update.parts, get_part))
     return false;
   const bool landmarks =
       get_landmark_list(in, epochs, kMinLandmarkBytes, update.landmarks,
@@ -234,15 +266,20 @@ void put_landmark_list(ByteWriter& out, const EpochTableWriter& epochs,
 
 void put_lists(ByteWriter& out, const MapUpdate& update) {
   const EpochTableWriter epochs = collect_epochs(update);
+  const bool units = tells_units(update);
   epochs.put_table(out);
   put_list(out, update.keyframes, [&](const KeyframePose& k) {
     epochs.put(out, k.id);
-    put_pose(out, k.map_from_camera, update.centre);
+    put_scaled_pose(out, k.map_from_camera, update.centre, units);
   });
   put_list(out, update.removed_keyframes, [&](const KeyframeRemoval& r) {
     epochs.put(out, r.id);
     epochs.put(out, r.anchor);
-    put_pose(out, r.anchor_from_camera, Eigen::Vector3d::Zero());
+    put_scaled_pose(out, r.anchor_from_camera, Eigen::Vector3d::Zero(), units);
+  });
+  put_list(out, update.parts, [&](const PartOfRun& p) {
+    out.put_varint(p.first);
+    out.put_varint(p.part);
   });
   put_landmark_list(out, epochs, update.landmarks,
                     [&](const LandmarkState& l) { put_landmark(out, update, epochs, l); });
@@ -309,7 +346,8 @@ Result<DecodedMapUpdate> decode_map_update(Bytes blob) {
   if (!payload) return payload.error();
   ByteReader in(*payload);
   DecodedMapUpdate decoded;
-  if (!get_head(in, decoded) || !get_lists(in, decoded.update) || !in.at_end() ||
+  bool units = false;
+  if (!get_head(in, decoded, units) || !get_lists(in, units, decoded.update) || !in.at_end() ||
       !check_client_name(decoded.client))
     return Error{ErrorCode::kCorrupt, "map update: contents contradict the format"};
   if (Status s = check_map_update(decoded.update); !s)
@@ -335,14 +373,18 @@ std::vector<MapUpdate> split_map_update(const MapUpdate& update, std::uint64_t f
     part.centre = update.centre;
     part.base_revision = parts.empty() ? update.base_revision : parts.back().revision;
     part.revision = first_revision + parts.size();
-    if (parts.empty()) part.new_map_from_old_map = update.new_map_from_old_map;
+    if (parts.empty()) {
+      part.new_map_from_old_map = update.new_map_from_old_map;
+      part.parts = update.parts;
+    }
     // The head, the table of epochs and one entry too many fit into this margin.
-    auto room = static_cast<std::ptrdiff_t>(max_bytes) - 1000;
+    auto room = static_cast<std::ptrdiff_t>(max_bytes) - 1000 -
+                static_cast<std::ptrdiff_t>(kMostPartBytes * part.parts.size());
     if (room < 1) room = 1;
     fill(update.keyframes, next.keyframes, part.keyframes, room,
-         [](const auto&) { return kPoseBytes + 8; });
+         [](const auto&) { return kPoseBytes + kUnitBytes + 8; });
     fill(update.removed_keyframes, next.removed_keyframes, part.removed_keyframes, room,
-         [](const auto&) { return kPoseBytes + 16; });
+         [](const auto&) { return kPoseBytes + kUnitBytes + 16; });
     fill(update.landmarks, next.landmarks, part.landmarks, room, most_bytes);
     fill(update.moved_landmarks, next.moved_landmarks, part.moved_landmarks, room,
          [](const auto&) { return kMostIdBytes + kPointBytes; });
@@ -363,6 +405,7 @@ void append_part(MapUpdate& whole, MapUpdate part) {
   whole.settled = part.settled;
   append(whole.keyframes, part.keyframes);
   append(whole.removed_keyframes, part.removed_keyframes);
+  append(whole.parts, part.parts);
   append(whole.landmarks, part.landmarks);
   append(whole.moved_landmarks, part.moved_landmarks);
   append(whole.removed_landmarks, part.removed_landmarks);

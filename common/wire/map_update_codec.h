@@ -7,7 +7,7 @@
 //   distances   3 bytes
 //   descriptor  as the feature of a keyframe that the client has made: 2 or 3 bytes; else 32
 //   observers   1 byte each, of other clients 2
-//   pose        20 bytes, to 2e-6 rad
+//   pose        20 bytes, to 2e-6 rad; 24 where the scale of some has changed
 //
 // Encoding what was decoded changes nothing any more.
 //

@@ -64,7 +64,7 @@ bool get_matches(ByteReader& in, std::vector<LandmarkMatch>& matches) {
 bool get_place(ByteReader& in, const std::string& client, RelocaliseAnswer& answer) {
   answer.reference.epoch = in.get<std::uint64_t>();
   answer.reference.sequence = in.get<std::uint32_t>();
-  answer.map_from_reference = get_rigid(in);
+  answer.map_from_reference = get_similarity(in);
   answer.map_from_camera = get_rigid(in);
   if (!get_matches(in, answer.matches)) return false;
   auto around = decode_map_update(in.get_bytes(in.get<std::uint32_t>()));
@@ -80,7 +80,7 @@ Status check_answer(const RelocaliseAnswer& answer) {
   if (!answer.found) return {};
   if (!answer.reference.is_valid()) return unsound("reference is no keyframe");
   if (!is_sound(answer.map_from_reference) || !is_sound(answer.map_from_camera))
-    return unsound("pose is no rigid motion");
+    return unsound("pose is no similarity");
   if (answer.around.epoch != answer.epoch) return unsound("landmarks are for another run");
   if (answer.around.is_refresh()) return unsound("it would replace the client's map");
   if (Status s = check_map_update(answer.around); !s) return s;
@@ -100,7 +100,7 @@ Result<Blob> encode_answer(std::string_view client, const RelocaliseAnswer& answ
   } else {
     out.put(answer.reference.epoch);
     out.put(answer.reference.sequence);
-    put_rigid(out, answer.map_from_reference);
+    put_similarity(out, answer.map_from_reference);
     put_rigid(out, answer.map_from_camera);
     put_matches(out, answer.matches);
     const auto around = encode_map_update(client, answer.around);

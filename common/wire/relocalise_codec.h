@@ -14,7 +14,7 @@
 
 namespace cairn::wire {
 
-inline constexpr Format kRelocaliseFormat{"CRNR", 1, "answer to a lost client"};
+inline constexpr Format kRelocaliseFormat{"CRNR", 2, "answer to a lost client"};
 inline constexpr std::size_t kMaxAnswerBytes = 1 << 18;
 
 // Ranges, matches ascending and of landmarks that the answer tells of.

@@ -20,7 +20,7 @@ namespace cairn::wire {
 
 // Counts changes of what the messages mean; the names of topics end in it. The control topics stay
 // at v1, so that programs of different versions can tell each other that they don't fit.
-inline constexpr std::uint32_t kProtocol = 2;
+inline constexpr std::uint32_t kProtocol = 3;
 
 std::string client_partition(const std::string& deployment, std::string_view client);
 

@@ -48,6 +48,17 @@ Rigid3 get_rigid(ByteReader& in) {
   return {Eigen::Quaterniond(v[0], v[1], v[2], v[3]), Eigen::Vector3d(v[4], v[5], v[6])};
 }
 
+void put_similarity(ByteWriter& out, const Sim3& t) {
+  put_rigid(out, t.pose());
+  out.put(t.scale);
+}
+
+Sim3 get_similarity(ByteReader& in) {
+  Sim3 transform = get_rigid(in);
+  transform.scale = in.get_double();
+  return transform;
+}
+
 void put_descriptor(ByteWriter& out, const Descriptor& descriptor) {
   for (const std::uint64_t word : descriptor) out.put(word);
 }

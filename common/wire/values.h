@@ -24,6 +24,8 @@ bool is_sound(const LandmarkId& id);
 
 void put_rigid(ByteWriter& out, const Rigid3& transform);
 Rigid3 get_rigid(ByteReader& in);
+void put_similarity(ByteWriter& out, const Sim3& transform);
+Sim3 get_similarity(ByteReader& in);
 void put_descriptor(ByteWriter& out, const Descriptor& descriptor);
 Descriptor get_descriptor(ByteReader& in);
 

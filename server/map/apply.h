@@ -18,10 +18,12 @@ struct KeyframeSummary {
 
 // Inserts a keyframe.
 //
-// Pose: that of its reference times reference_from_camera. Where the reference is unknown: relative
-// to the client's keyframe before it, by odometry; where the map has none of the client, at its
-// odom_from_camera, so that map and odom agree: the client may be far into its run when a server
-// without its former map takes over. The first keyframe of a run is the identity in an empty map.
+// Pose and own unit: those of its reference times reference_from_camera, so that it comes to lie
+// right also where the map's scale has changed since it was made. Where the reference is unknown:
+// relative to the client's keyframe before it, by odometry; where the map has none of the client,
+// at its odom_from_camera, so that map and odom agree: the client may be far into its run when a
+// server without its former map takes over. The first keyframe of a run is the identity in an empty
+// map.
 //
 // Each reported match is followed through replaced_landmarks and taken when the landmark projects
 // near the feature and the keyframe does not see it by another feature. A match that names this
@@ -44,8 +46,8 @@ struct DeltaSummary {
 // Applies a delta to a map that may have moved on since (delta.h).
 //
 // A keyframe that came after the delta's snapshot moves with its reference, or else its parent, if
-// that one is changed or carried itself: it keeps its pose relative to it. Landmarks that came
-// after the snapshot move with their reference keyframe.
+// that one is changed or carried itself: it keeps its pose relative to it, in its unit. Landmarks
+// that came after the snapshot move with their reference keyframe.
 DeltaSummary apply_delta(Map& map, const MapDelta& delta);
 
 // Applies a loop's correction and remembers its edge. From then on what was computed before is void

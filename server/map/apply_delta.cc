@@ -61,7 +61,7 @@ std::vector<KeyframeId> arrived_since(const Map& map, std::uint64_t revision) {
 }
 
 // By how much each keyframe moves: new_map_from_old_map.
-using Moves = std::map<KeyframeId, Rigid3>;
+using Moves = std::map<KeyframeId, Sim3>;
 
 void carry_landmarks(Map& map, MapEditor& editor, std::uint64_t base_revision, const Moves& moves,
                      DeltaSummary& s) {
@@ -84,8 +84,14 @@ void change_poses(Map& map, MapEditor& editor, const MapDelta& delta, DeltaSumma
     const KeyframeNode* node = map.keyframes.find(change.keyframe);
     // Relative to the present pose, not the snapshot's: if another delta has moved it since, what
     // hangs on it has moved along already.
-    if (node) moves[change.keyframe] = change.map_from_camera * node->map_from_camera.inverse();
-    ++(editor.set_pose(change.keyframe, change.map_from_camera) ? s.poses_changed : s.dropped);
+    if (!node) {
+      ++s.dropped;
+      continue;
+    }
+    Sim3 pose = change.map_from_camera;
+    pose.scale = change.scale * node->unit;
+    moves[change.keyframe] = pose * node->scaled_pose().inverse();
+    s.poses_changed += editor.set_pose(change.keyframe, pose) ? 1 : 0;
   }
   if (moves.empty()) return;
   for (const KeyframeId id : arrived_since(map, delta.base_revision)) {
@@ -93,8 +99,8 @@ void change_poses(Map& map, MapEditor& editor, const MapDelta& delta, DeltaSumma
     auto anchor = moves.find(node.keyframe->reference);
     if (anchor == moves.end()) anchor = moves.find(node.parent);
     if (anchor == moves.end() || moves.contains(id)) continue;
-    const Rigid3 move = anchor->second;
-    editor.set_pose(id, move * node.map_from_camera);
+    const Sim3 move = anchor->second;
+    editor.set_pose(id, move * node.scaled_pose());
     moves[id] = move;
     ++s.carried;
   }

@@ -20,20 +20,20 @@ bool fits(const KeyframeNode& node, std::uint16_t feature, const Eigen::Vector3d
          kArrivalSlack * (depth ? kChi2Depth : kChi2Pixel);
 }
 
-std::optional<Rigid3> pose_by_odometry(const Map& map, const Keyframe& keyframe) {
+std::optional<Sim3> pose_by_odometry(const Map& map, const Keyframe& keyframe) {
   const KeyframeNode* before = nullptr;
   map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
     if (id.epoch != keyframe.id.epoch || id.sequence > keyframe.id.sequence) return;
     if (!before || before->keyframe->id < id) before = &node;
   });
   if (!before) return std::nullopt;
-  return before->map_from_camera * before->keyframe->odom_from_camera.inverse() *
+  return before->scaled_pose() * before->keyframe->odom_from_camera.inverse() *
          keyframe.odom_from_camera;
 }
 
-Rigid3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
+Sim3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
   if (keyframe.reference.is_valid())
-    if (const auto map_from_reference = map.pose_of(keyframe.reference))
+    if (const auto map_from_reference = map.scaled_pose_of(keyframe.reference))
       return *map_from_reference * keyframe.reference_from_camera;
   if (map.keyframes.empty() && keyframe.id.sequence == 0) return {};
   return pose_by_odometry(map, keyframe).value_or(keyframe.odom_from_camera);
@@ -86,7 +86,7 @@ class Association {
     if (!f.has_depth()) return false;
     const PinholeCamera& camera = maker.rig().camera;
     const Eigen::Vector3d point =
-        maker.map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity));
+        maker.scaled_pose() * camera.unproject(f.pixel(), camera.depth(f.disparity));
     return point.allFinite() &&
            editor_.insert_landmark(LandmarkId::from_feature(at.keyframe, at.feature), point, at);
   }
@@ -113,7 +113,7 @@ class Association {
     if (!f.has_depth()) return false;
     const PinholeCamera& camera = creator->rig().camera;
     const Eigen::Vector3d point =
-        creator->map_from_camera * camera.unproject(f.pixel(), camera.depth(f.disparity));
+        creator->scaled_pose() * camera.unproject(f.pixel(), camera.depth(f.disparity));
     return fits(node(id_), match.feature, point) &&
            make_from_depth({match.landmark.creator(), feature});
   }
@@ -153,7 +153,7 @@ KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe) {
   const KeyframeId id = keyframe->id;
   if (map.keyframes.contains(id) || map.removed_keyframes.contains(id)) return summary;
 
-  const Rigid3 map_from_camera = pose_on_arrival(map, *keyframe);
+  const Sim3 map_from_camera = pose_on_arrival(map, *keyframe);
   MapEditor editor(map);
   editor.insert_keyframe(keyframe, map_from_camera);
   Association association(map, editor, id);

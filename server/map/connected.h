@@ -12,4 +12,8 @@ namespace cairn {
 // clients that have not met are apart. Visits the whole part.
 std::vector<KeyframeId> connected_keyframes(const Map& map, KeyframeId id);
 
+// Whether that part has a scale in metres: some keyframe in it is of a sensor with depth. Visits no
+// more of it than it takes to find one; false when the map does not have `id`.
+bool is_metric(const Map& map, KeyframeId id);
+
 }  // namespace cairn

@@ -29,6 +29,9 @@ struct MapDelta {
     KeyframeId keyframe;
     Rigid3 old_map_from_camera;  // in the snapshot: carries along what arrived since
     Rigid3 map_from_camera;
+    // How many times as large as in the snapshot everything there is: by a loop or a merge of maps
+    // without a scale of their own.
+    double scale = 1;
   };
   struct PositionChange {
     LandmarkId landmark;

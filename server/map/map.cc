@@ -13,14 +13,20 @@ LandmarkId Map::resolve(LandmarkId name) const {
 }
 
 std::optional<Rigid3> Map::pose_of(KeyframeId name) const {
-  Rigid3 name_from_camera;
+  const auto scaled = scaled_pose_of(name);
+  if (!scaled) return std::nullopt;
+  return scaled->pose();
+}
+
+std::optional<Sim3> Map::scaled_pose_of(KeyframeId name) const {
+  Sim3 name_from_camera;
   while (const FormerKeyframe* former = removed_keyframes.find(name)) {
     name_from_camera = former->anchor_from_camera * name_from_camera;
     name = former->anchor;
   }
   const KeyframeNode* node = keyframes.find(name);
   if (!node) return std::nullopt;
-  return node->map_from_camera * name_from_camera;
+  return node->scaled_pose() * name_from_camera;
 }
 
 std::uint32_t Map::mapped_of(std::uint64_t epoch) const {

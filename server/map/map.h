@@ -42,6 +42,9 @@ struct Covisible {
 struct KeyframeNode {
   KeyframePtr keyframe;
   Rigid3 map_from_camera;
+  // How large the keyframe's own unit is in the map's (Keyframe): 1 unless loops or merges have
+  // changed the scale here since its client made it.
+  double unit = 1;
   std::vector<LandmarkId> landmarks;  // one a feature; not valid where the feature shows none
   std::vector<Covisible> covisible;   // strongest first, ties by id
   KeyframeId parent;                  // spanning tree; not valid for a root
@@ -49,6 +52,8 @@ struct KeyframeNode {
   std::uint64_t arrival = 0;          // revision of the map with which it came
   std::uint64_t revision = 0;         // of the map when the pose changed last
 
+  // Takes what the client measured in this camera, in the keyframe's own unit, to map.
+  Sim3 scaled_pose() const { return {map_from_camera.rotation, map_from_camera.translation, unit}; }
   const Rig& rig() const { return *keyframe->rig; }
   const Features& features() const { return keyframe->features; }
 };
@@ -80,16 +85,18 @@ struct FormerLandmark {
 
 // A keyframe that was culled.
 struct FormerKeyframe {
-  KeyframeId anchor;          // what it hangs on; may itself be a former one
-  Rigid3 anchor_from_camera;  // fixed from then on
-  std::uint64_t since = 0;    // Map::keyframes_ever when it happened
+  KeyframeId anchor;        // what it hangs on; may itself be a former one
+  Sim3 anchor_from_camera;  // between both keyframes' own units; fixed from then on
+  std::uint64_t since = 0;  // Map::keyframes_ever when it happened
 };
 
 // A loop that was closed (loop.h): an edge for later pose graphs, and what clients have to know.
 struct LoopEdge {
   KeyframeId query, candidate;
-  Sim3 candidate_from_query;  // camera to camera, as verified
-  int inliers = 0;            // landmarks that both show
+  // Camera to camera, as verified, between both keyframes' own units: what was measured does not
+  // change when the map's scale does.
+  Sim3 candidate_from_query;
+  int inliers = 0;  // landmarks that both show
 
   // Of a merge: how the part that moved lay before, and which runs (epochs of clients) went on in
   // it: had their latest keyframe there.
@@ -134,8 +141,10 @@ struct Map {
 
   // Follows replacements to the name in use; not valid when that landmark is gone.
   LandmarkId resolve(LandmarkId id) const;
-  // Pose of a keyframe that is or once was in the map; nothing for others.
+  // Pose of a keyframe that is or once was in the map; nothing for others. The second with the
+  // keyframe's own unit (KeyframeNode::scaled_pose()).
   std::optional<Rigid3> pose_of(KeyframeId id) const;
+  std::optional<Sim3> scaled_pose_of(KeyframeId id) const;
   // The entry of mapped_keyframes; 0 when there is none.
   std::uint32_t mapped_of(std::uint64_t epoch) const;
   // Keyframes that are in the map and have not been through local mapping, in order of arrival.

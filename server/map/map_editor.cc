@@ -30,10 +30,11 @@ MapEditor::MapEditor(Map& map) : map_(map) {
   ++map_.revision;
 }
 
-void MapEditor::insert_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera) {
+void MapEditor::insert_keyframe(KeyframePtr keyframe, const Sim3& map_from_camera) {
   const KeyframeId id = keyframe->id;
   KeyframeNode node;
-  node.map_from_camera = map_from_camera;
+  node.map_from_camera = map_from_camera.pose();
+  node.unit = map_from_camera.scale;
   node.landmarks.resize(keyframe->features.size());
   node.arrival = node.revision = map_.revision;
   node.keyframe = std::move(keyframe);
@@ -65,8 +66,8 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
   const KeyframeNode* node = map_.keyframes.find(id);
   if (!node || !node->parent.is_valid()) return false;
   const KeyframeId parent = node->parent;
-  const Rigid3 map_from_parent = map_.keyframes.at(parent).map_from_camera;
-  const FormerKeyframe former{parent, map_from_parent.inverse() * node->map_from_camera,
+  const Sim3 map_from_parent = map_.keyframes.at(parent).scaled_pose();
+  const FormerKeyframe former{parent, map_from_parent.inverse() * node->scaled_pose(),
                               map_.keyframes_ever};
 
   // While it still has its covisible keyframes: they are what its children are handed on to.
@@ -89,7 +90,7 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
 
 // Loops hold on to the keyframe that takes the place of a culled one.
 void MapEditor::move_loops(KeyframeId id, const FormerKeyframe& former) {
-  const Sim3 anchor_from_camera(former.anchor_from_camera);
+  const Sim3& anchor_from_camera = former.anchor_from_camera;
   for (LoopEdge& edge : map_.loops) {
     if (edge.query == id) {
       edge.candidate_from_query = edge.candidate_from_query * anchor_from_camera.inverse();
@@ -179,10 +180,11 @@ bool MapEditor::fuse(LandmarkId from, LandmarkId into) {
   return true;
 }
 
-bool MapEditor::set_pose(KeyframeId id, const Rigid3& map_from_camera) {
+bool MapEditor::set_pose(KeyframeId id, const Sim3& map_from_camera) {
   KeyframeNode* node = map_.keyframes.edit(id);
   if (!node) return false;
-  node->map_from_camera = map_from_camera;
+  node->map_from_camera = map_from_camera.pose();
+  node->unit = map_from_camera.scale;
   node->revision = map_.revision;
   return true;
 }

@@ -20,8 +20,9 @@ class MapEditor {
   MapEditor(const MapEditor&) = delete;
   MapEditor& operator=(const MapEditor&) = delete;
 
-  // The keyframe comes without landmarks and without a place in the spanning tree.
-  void insert_keyframe(KeyframePtr keyframe, const Rigid3& map_from_camera);
+  // The keyframe comes without landmarks and without a place in the spanning tree. The pose with
+  // the size of the keyframe's own unit, here and below.
+  void insert_keyframe(KeyframePtr keyframe, const Sim3& map_from_camera);
   // Its parent becomes the most covisible keyframe; else `fallback`, where that is in the map; else
   // it is a root. Call once the observations are in.
   void join_tree(KeyframeId id, KeyframeId fallback);
@@ -44,7 +45,7 @@ class MapEditor {
   // Ids are resolved first. False when either is gone or both are the same.
   bool fuse(LandmarkId from, LandmarkId into);
 
-  bool set_pose(KeyframeId id, const Rigid3& map_from_camera);
+  bool set_pose(KeyframeId id, const Sim3& map_from_camera);
   bool set_position(LandmarkId id, const Eigen::Vector3d& position);
 
   void finish();

@@ -212,7 +212,7 @@ MapDelta make_delta(const Map& map, const PoseGraphProblem& problem) {
   for (const Node& node : problem.nodes) {
     if (node.fixed) continue;
     const Rigid3 pose{node.state.rotation, node.state.translation};
-    delta.poses.push_back({node.id, node.initial, pose});
+    delta.poses.push_back({node.id, node.initial, pose, node.state.scale});
     const Sim3 move = node.state * Sim3(node.initial).inverse();
     for (const LandmarkId id : map.keyframes.at(node.id).landmarks) {
       const Landmark* landmark = id.is_valid() ? map.landmarks.find(id) : nullptr;

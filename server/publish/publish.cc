@@ -1,6 +1,8 @@
 #include "server/publish/publish.h"
 
 #include <algorithm>
+#include <cmath>
+#include <unordered_map>
 #include <unordered_set>
 
 #include "common/wire/map_update_codec.h"
@@ -45,6 +47,35 @@ KeyframeId present(const Map& map, KeyframeId id) {
   return id;
 }
 
+// The roots of keyframes, each way gone once.
+class Roots {
+ public:
+  explicit Roots(const Map& map) : map_(map) {}
+
+  // Of one that is or was in the map; else not valid.
+  KeyframeId of(KeyframeId id) {
+    id = present(map_, id);
+    const KeyframeNode* node = map_.keyframes.find(id);
+    std::vector<KeyframeId> way;
+    for (; node; node = map_.keyframes.find(id)) {
+      if (const auto known = roots_.find(id); known != roots_.end()) {
+        id = known->second;
+        break;
+      }
+      way.push_back(id);
+      if (!node->parent.is_valid()) break;
+      id = node->parent;
+    }
+    if (!map_.keyframes.contains(id)) return {};
+    for (const KeyframeId step : way) roots_[step] = id;
+    return id;
+  }
+
+ private:
+  const Map& map_;
+  std::unordered_map<KeyframeId, KeyframeId> roots_;
+};
+
 // Not valid for a keyframe that the map does not have.
 KeyframeId root_of(const Map& map, KeyframeId id) {
   const KeyframeNode* node = map.keyframes.find(id);
@@ -72,6 +103,9 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
                                                 Kind kind, bool settled) {
   const bool refresh = kind == Kind::kRefresh || map_ != map.id;
   if (refresh) start_over();
+  // Only a merge joins parts, and only a keyframe that was tracked against nobody of the run's own
+  // begins one.
+  parts_may_differ_ |= refresh || map.merge_epoch != merge_epoch_;
   const bool news = refresh || mapped_keyframes != mapped_keyframes_ ||
                     map.merge_epoch != merge_epoch_ || settled != settled_;
   ++differences_;
@@ -86,13 +120,14 @@ std::optional<MapUpdate> ClientView::difference(const Map& map, std::uint32_t ma
   if (refresh) provisional_from_ = mapped_keyframes;
 
   compare_keyframes(map, mapped_keyframes, update);
+  if (parts_may_differ_ || settled) tell_parts(map, update);
   move_anchored(map);
   check_vanished(map, update);
   tell_of_landmarks_around(map, update);
   take_back_the_farthest(update);
 
   if (!news && update.keyframes.empty() && update.removed_keyframes.empty() &&
-      update.landmarks.empty() && update.moved_landmarks.empty() &&
+      update.parts.empty() && update.landmarks.empty() && update.moved_landmarks.empty() &&
       update.removed_landmarks.empty())
     return std::nullopt;
   sort_by_id(update);
@@ -123,12 +158,13 @@ void ClientView::follow_loops(const Map& map, MapUpdate& update) {
     }
   }
   if (!update.new_map_from_old_map) return;
-  for (OwnKeyframe& own : keyframes_) own.map_from_camera = move.move_pose(own.map_from_camera);
+  for (OwnKeyframe& own : keyframes_) own.map_from_camera = move * own.map_from_camera;
   for (KnownLandmark& known : known_.slots())
     if (known.position) known.position = move * *known.position;
 }
 
 void ClientView::start_over() {
+  parts_.clear();
   for (OwnKeyframe& own : keyframes_) own.told = Told::kNothing;
   const std::size_t latest = std::min<std::size_t>(kProvisionalKeyframes, keyframes_.size());
   for (std::size_t i = keyframes_.size() - latest; i < keyframes_.size(); ++i)
@@ -158,6 +194,8 @@ void ClientView::compare_keyframes(const Map& map, std::uint32_t count, MapUpdat
     OwnKeyframe& own = keyframes_[sequence];
     const KeyframeNode* node = map.keyframes.find({epoch_, sequence});
     if (node) {
+      if (sequence > 0 && own.told == Told::kNothing && node->keyframe->reference.epoch != epoch_)
+        parts_may_differ_ = true;
       compare_pose(*node, own, update);
       if (!own.counted) count_own_landmarks(*node);
       own.counted = true;
@@ -168,14 +206,15 @@ void ClientView::compare_keyframes(const Map& map, std::uint32_t count, MapUpdat
 }
 
 void ClientView::compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpdate& update) const {
-  const Rigid3& pose = node.map_from_camera;
+  const Sim3 pose = node.scaled_pose();
   if (own.told == Told::kPose) {
-    const Rigid3& old = own.map_from_camera;
-    const bool same =
-        old.translation == pose.translation && old.rotation.coeffs() == pose.rotation.coeffs();
+    const Sim3& old = own.map_from_camera;
+    const bool same = old.translation == pose.translation && old.scale == pose.scale &&
+                      old.rotation.coeffs() == pose.rotation.coeffs();
     if (same) return;
     const bool close = (old.translation - pose.translation).norm() <= options_.pose_moved &&
-                       old.rotation.angularDistance(pose.rotation) <= options_.pose_turned;
+                       old.rotation.angularDistance(pose.rotation) <= options_.pose_turned &&
+                       std::abs(old.scale / pose.scale - 1) <= options_.unit_changed;
     if (close) return;
   }
   own.told = Told::kPose;
@@ -187,13 +226,33 @@ void ClientView::compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpd
 // client has.
 void ClientView::tell_removal(const Map& map, std::uint32_t sequence, MapUpdate& update) {
   const KeyframeId id{epoch_, sequence};
-  const std::optional<Rigid3> pose = map.pose_of(id);
+  const std::optional<Sim3> pose = map.scaled_pose_of(id);
   if (!pose) return;
   const std::optional<KeyframeId> anchor = nearest_own(map, sequence);
   if (!anchor) return;
-  const Rigid3& map_from_anchor = map.keyframes.at(*anchor).map_from_camera;
+  const Sim3 map_from_anchor = map.keyframes.at(*anchor).scaled_pose();
   update.removed_keyframes.push_back({id, *anchor, map_from_anchor.inverse() * *pose});
   keyframes_[sequence].told = Told::kRemoval;
+}
+
+// A keyframe that this map does not have, because another server's held it, counts to the one
+// before.
+void ClientView::tell_parts(const Map& map, MapUpdate& update) {
+  Roots roots(map);
+  std::vector<KeyframeId> parts;  // by their roots
+  std::vector<PartOfRun> runs;
+  for (std::uint32_t sequence = 0; sequence < mapped_keyframes_; ++sequence) {
+    const KeyframeId root = roots.of({epoch_, sequence});
+    if (!root.is_valid()) continue;
+    const auto known = std::find(parts.begin(), parts.end(), root);
+    const auto part = static_cast<std::uint32_t>(known - parts.begin());
+    if (known == parts.end()) parts.push_back(root);
+    if (runs.empty()) runs.push_back({0, part});
+    if (runs.back().part != part) runs.push_back({sequence, part});
+  }
+  parts_may_differ_ = keyframes_.size() > mapped_keyframes_;
+  if (runs == parts_) return;
+  parts_ = update.parts = std::move(runs);
 }
 
 // In time; if one of the nearest is known to lie in the same part of the map, that.

@@ -5,7 +5,9 @@
 //   if (auto update = view.difference(*snapshot, mapped)) ingest.publish(client, *update);
 //
 // A client hears about
-// - its own keyframes: every one that has moved or was culled, wherever it is, at once;
+// - its own keyframes: every one that has moved or was culled, wherever it is, at once; and which
+// of
+//   them hang together, once it has been in several parts of the map;
 // - landmarks that it knows and that are gone or go by another name: at once around it, elsewhere
 //   within some updates;
 // - landmarks around it: those of the keyframes most covisible with its latest one that are new to
@@ -33,8 +35,9 @@
 namespace cairn {
 
 struct PublishOptions {
-  // A keyframe is sent again when it has moved by more than these, metres and radians.
-  double pose_moved = 1e-4, pose_turned = 1e-4;
+  // A keyframe is sent again when it has moved by more than these, metres and radians, or its unit
+  // has changed by more than this share.
+  double pose_moved = 1e-4, pose_turned = 1e-4, unit_changed = 1e-4;
   // A landmark, when the client could notice by more than so many pixels (Outlook::shift_px).
   double landmark_moved_px = 0.05;
   std::size_t keyframes_around = 30;
@@ -68,8 +71,8 @@ class ClientView {
   enum class Told : std::uint8_t { kNothing, kPose, kRemoval };
   struct OwnKeyframe {
     Told told = Told::kNothing;
-    bool counted = false;    // the landmarks made from it are among the known ones
-    Rigid3 map_from_camera;  // as told
+    bool counted = false;  // the landmarks made from it are among the known ones
+    Sim3 map_from_camera;  // as told
   };
   using Slot = KnownLandmarks::Slot;
   // Something that could be told of a landmark.
@@ -89,6 +92,7 @@ class ClientView {
   void tell_removal(const Map& map, std::uint32_t sequence, MapUpdate& update);
   void count_own_landmarks(const KeyframeNode& node);
   std::optional<KeyframeId> nearest_own(const Map& map, std::uint32_t sequence) const;
+  void tell_parts(const Map& map, MapUpdate& update);
 
   void check_vanished(const Map& map, MapUpdate& update);
   void check_vanished(const Map& map, Slot slot, MapUpdate& update);
@@ -113,6 +117,8 @@ class ClientView {
   std::uint64_t differences_ = 0;
 
   std::vector<OwnKeyframe> keyframes_;  // by sequence
+  std::vector<PartOfRun> parts_;        // as told
+  bool parts_may_differ_ = false;
   KnownLandmarks known_;
   ByteBudget budget_;
   std::vector<Slot> near_;      // landmarks that were around in the last difference, or made since

@@ -24,10 +24,6 @@ bool is_sound(const Sim3& t) {
 void put(ByteWriter& out, const Eigen::Vector3d& v) {
   for (int i = 0; i < 3; ++i) out.put(v[i]);
 }
-void put(ByteWriter& out, const Rigid3& pose) {
-  put(out, pose.rotation);
-  put(out, pose.translation);
-}
 void put(ByteWriter& out, const Sim3& transform) {
   put(out, transform.rotation);
   put(out, transform.translation);
@@ -51,7 +47,7 @@ void put(ByteWriter& out, const FormerLandmark& former) {
   out.put(former.since);
 }
 void put(ByteWriter& out, const KeyframeNode& node) {
-  put(out, node.map_from_camera);
+  put(out, node.scaled_pose());
   put(out, node.parent);
   out.put(node.arrival);
   out.put(node.revision);
@@ -90,12 +86,6 @@ Eigen::Vector3d get_vector(ByteReader& in) {
   for (int i = 0; i < 3; ++i) v[i] = in.get_double();
   return v;
 }
-Rigid3 get_pose(ByteReader& in) {
-  Rigid3 pose;
-  pose.rotation = get_rotation(in);
-  pose.translation = get_vector(in);
-  return pose;
-}
 Sim3 get_transform(ByteReader& in) {
   Sim3 transform;
   transform.rotation = get_rotation(in);
@@ -114,9 +104,9 @@ LandmarkId get_landmark(ByteReader& in) {
 
 bool get(ByteReader& in, FormerKeyframe& former) {
   former.anchor = get_keyframe(in);
-  former.anchor_from_camera = get_pose(in);
+  former.anchor_from_camera = get_transform(in);
   former.since = in.get<std::uint64_t>();
-  return in.ok() && former.anchor_from_camera.is_finite();
+  return in.ok() && is_sound(former.anchor_from_camera);
 }
 bool get(ByteReader& in, FormerLandmark& former) {
   former.now = get_landmark(in);
@@ -124,11 +114,13 @@ bool get(ByteReader& in, FormerLandmark& former) {
   return in.ok();
 }
 bool get(ByteReader& in, KeyframeNode& node) {
-  node.map_from_camera = get_pose(in);
+  const Sim3 pose = get_transform(in);
+  node.map_from_camera = pose.pose();
+  node.unit = pose.scale;
   node.parent = get_keyframe(in);
   node.arrival = in.get<std::uint64_t>();
   node.revision = in.get<std::uint64_t>();
-  return in.ok() && node.map_from_camera.is_finite();
+  return in.ok() && is_sound(pose);
 }
 bool get(ByteReader& in, Landmark& landmark) {
   landmark.position = get_vector(in);

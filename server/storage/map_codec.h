@@ -16,20 +16,18 @@ using wire::Bytes;
 using wire::ByteWriter;
 
 void put(ByteWriter& out, const Eigen::Vector3d& v);
-void put(ByteWriter& out, const Rigid3& pose);
 void put(ByteWriter& out, const Sim3& transform);
 void put(ByteWriter& out, KeyframeId id);
 void put(ByteWriter& out, LandmarkId id);
 void put(ByteWriter& out, const FormerKeyframe& former);
 void put(ByteWriter& out, const FormerLandmark& former);
-// Pose, parent and revisions; the rest of a node is derived.
+// Pose with unit, parent and revisions; the rest of a node is derived.
 void put(ByteWriter& out, const KeyframeNode& node);
 void put(ByteWriter& out, const Landmark& landmark);  // without its name
 void put(ByteWriter& out, const LoopEdge& edge);
 
 // After a read past the end they give zeros: the reader tells (ByteReader::ok).
 Eigen::Vector3d get_vector(ByteReader& in);
-Rigid3 get_pose(ByteReader& in);
 Sim3 get_transform(ByteReader& in);
 KeyframeId get_keyframe(ByteReader& in);
 LandmarkId get_landmark(ByteReader& in);

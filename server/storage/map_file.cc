@@ -15,7 +15,7 @@ using sqlite::Statement;
 // Stands in the file's header and tells Cairn's files from those of other programs.
 constexpr std::int64_t kApplicationId = 0x4361724e;  // "CarN"
 // Grows with every change of the tables or of what is in their blobs.
-constexpr std::int64_t kSchemaVersion = 5;
+constexpr std::int64_t kSchemaVersion = 6;
 
 constexpr const char* kSchema = R"sql(
   CREATE TABLE clients(name TEXT NOT NULL, epoch INTEGER NOT NULL, next_sequence INTEGER NOT NULL,

@@ -39,9 +39,11 @@ inline Keyframe sample_keyframe(KeyframeId id, std::size_t features = 50, std::u
   k.stamp_ns = 1305031453359684000 + std::int64_t{id.sequence} * 33'000'000;
   k.rig = sample_rig();
   k.odom_from_camera = sample_pose(random);
+  k.odom_from_camera.scale = 0.8;
   if (id.sequence > 0) {
     k.reference = {id.epoch, id.sequence - 1};
     k.reference_from_camera = sample_pose(random);
+    k.reference_from_camera.scale = 1.5;
   }
   k.noise = 0.7f + 3.3f * unit(random);
   for (std::size_t i = 0; i < features; ++i) {
@@ -79,7 +81,9 @@ inline MapUpdate sample_update(std::uint64_t epoch, std::size_t landmarks = 40,
   u.mapped_keyframes = 12;
   u.centre = {0.5, -0.25, 1};
   for (std::uint32_t i = 0; i < 5; ++i) u.keyframes.push_back({{epoch, i}, sample_pose(random)});
+  u.keyframes[2].map_from_camera.scale = 1.3;
   u.removed_keyframes.push_back({{epoch, 6}, {epoch, 5}, sample_pose(random)});
+  u.parts = {{0, 0}, {3, 1}, {7, 0}};
   for (std::uint64_t i = 0; i < landmarks; ++i) {
     LandmarkState l;
     l.id = i % 2 == 0 ? LandmarkId{LandmarkId::kServer, i + 1}
@@ -114,6 +118,7 @@ inline RelocaliseAnswer sample_answer(std::uint64_t epoch, std::size_t landmarks
   a.found = true;
   a.reference = {epoch + 9, 31};
   a.map_from_reference = sample_pose(random);
+  a.map_from_reference.scale = 2.5;
   a.map_from_camera = sample_pose(random);
   a.around.map = {77};
   a.around.base_revision = 1;

@@ -33,7 +33,7 @@ void ReplayedClient::start(std::chrono::nanoseconds delay) {
 ReplayResult ReplayedClient::finish() {
   thread_.join();
   for (const auto& [id, pose] : poses_)
-    result_.keyframes.push_back({walk_.keyframes.at(id.sequence)->stamp_ns, pose});
+    result_.keyframes.push_back({walk_.keyframes.at(id.sequence)->stamp_ns, pose.pose()});
   return std::move(result_);
 }
 
@@ -62,7 +62,7 @@ void ReplayedClient::listen_until(steady_clock::time_point end) {
 
 void ReplayedClient::take(const MapUpdate& update) {
   if (update.new_map_from_old_map)
-    for (auto& [id, pose] : poses_) pose = update.new_map_from_old_map->move_pose(pose);
+    for (auto& [id, pose] : poses_) pose = *update.new_map_from_old_map * pose;
   for (const KeyframePose& keyframe : update.keyframes)
     poses_[keyframe.id] = keyframe.map_from_camera;
   for (const KeyframeRemoval& removal : update.removed_keyframes)

@@ -50,7 +50,7 @@ class ReplayedClient {
   const std::chrono::nanoseconds period_;
   const std::unique_ptr<Link> link_;
   // The thread's, until it has ended.
-  std::map<KeyframeId, Rigid3> poses_;
+  std::map<KeyframeId, Sim3> poses_;
   std::size_t sent_ = 0, mapped_ = 0;
   ReplayResult result_;
   std::jthread thread_;

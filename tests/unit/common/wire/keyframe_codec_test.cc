@@ -118,6 +118,8 @@ TEST(KeyframeCodec, RefusesToEncodeWhatIsNotSound) {
       [](Keyframe& k) { k.stamp_ns = INT64_MIN; },
       [](Keyframe& k) { k.odom_from_camera.translation.x() = kNan; },
       [](Keyframe& k) { k.odom_from_camera.rotation.w() += 0.1; },
+      [](Keyframe& k) { k.odom_from_camera.scale = 0; },
+      [](Keyframe& k) { k.reference_from_camera.scale = kNan; },
       [](Keyframe& k) { k.reference_from_camera.translation.y() = HUGE_VAL; },
       [](Keyframe& k) { k.reference = k.id; },
       [](Keyframe& k) { k.noise = 0; },

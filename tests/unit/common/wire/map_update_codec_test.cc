@@ -39,13 +39,18 @@ void expect_equal(const MapUpdate& a, const MapUpdate& b) {
   ASSERT_EQ(a.keyframes.size(), b.keyframes.size());
   for (std::size_t i = 0; i < a.keyframes.size(); ++i) {
     EXPECT_EQ(a.keyframes[i].id, b.keyframes[i].id);
-    const Rigid3 &p = a.keyframes[i].map_from_camera, &q = b.keyframes[i].map_from_camera;
+    const Sim3 &p = a.keyframes[i].map_from_camera, &q = b.keyframes[i].map_from_camera;
     EXPECT_LT(p.rotation.angularDistance(q.rotation), 4e-6);
     EXPECT_LT((p.translation - q.translation).norm(), 1e-6);
+    EXPECT_NEAR(p.scale, q.scale, 1e-6 * p.scale);
   }
   ASSERT_EQ(a.removed_keyframes.size(), b.removed_keyframes.size());
-  for (std::size_t i = 0; i < a.removed_keyframes.size(); ++i)
+  for (std::size_t i = 0; i < a.removed_keyframes.size(); ++i) {
     EXPECT_EQ(a.removed_keyframes[i].anchor, b.removed_keyframes[i].anchor);
+    EXPECT_NEAR(a.removed_keyframes[i].anchor_from_camera.scale,
+                b.removed_keyframes[i].anchor_from_camera.scale, 1e-6);
+  }
+  EXPECT_EQ(a.parts, b.parts);
   ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
   for (std::size_t i = 0; i < a.landmarks.size(); ++i) {
     EXPECT_EQ(a.landmarks[i].id, b.landmarks[i].id);
@@ -78,6 +83,15 @@ TEST(MapUpdateCodec, KeepsWhatItCarries) {
   EXPECT_EQ(got->client, "alice");
   expect_equal(got->update, sent);
   EXPECT_EQ(*encode_map_update("alice", got->update), *blob);
+}
+
+// The scale of maps with depth never changes, and costs nothing.
+TEST(MapUpdateCodec, UnitsAreToldOnlyWhereOneHasChanged) {
+  MapUpdate update = sample_update(kEpoch, 0);
+  const std::size_t with = encode_map_update("a", update)->size();
+  update.keyframes[2].map_from_camera.scale = 1;
+  const std::size_t without = encode_map_update("a", update)->size();
+  EXPECT_EQ(with - without, 4 * (update.keyframes.size() + update.removed_keyframes.size()));
 }
 
 TEST(MapUpdateCodec, ALandmarkThatMovedTakesEightBytes) {
@@ -172,7 +186,11 @@ TEST(MapUpdateCodec, RefusesToEncodeWhatIsNotSound) {
       [](MapUpdate& u) { u.keyframes[0].id = {}; },
       [](MapUpdate& u) { u.keyframes[0].map_from_camera.translation.z() = std::nan(""); },
       [](MapUpdate& u) { u.keyframes[1].id = u.keyframes[0].id; },
+      [](MapUpdate& u) { u.keyframes[1].map_from_camera.scale = 0; },
       [](MapUpdate& u) { u.removed_keyframes[0].anchor = u.removed_keyframes[0].id; },
+      [](MapUpdate& u) { u.removed_keyframes[0].anchor_from_camera.scale = -1; },
+      [](MapUpdate& u) { u.parts.erase(u.parts.begin()); },
+      [](MapUpdate& u) { u.parts[2].first = 3; },
       [](MapUpdate& u) { u.landmarks[0].position.x() = std::nan(""); },
       [](MapUpdate& u) { u.landmarks[0].normal *= 2; },
       [](MapUpdate& u) { u.landmarks[0].min_distance = 99; },

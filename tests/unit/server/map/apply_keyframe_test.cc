@@ -76,12 +76,12 @@ TEST(ApplyKeyframe, ARunThatComesToAnEmptyMapInItsMiddleIsPlacedByOdometry) {
   Map map;
   apply_keyframe(map, world.keyframes[2]);
   const Rigid3 error =
-      world.keyframes[2]->odom_from_camera.inverse() * *map.pose_of(world.keyframes[2]->id);
+      world.keyframes[2]->odom_from_camera.pose().inverse() * *map.pose_of(world.keyframes[2]->id);
   EXPECT_LT(error.translation.norm(), 1e-9);
   EXPECT_LT(rotation_angle(error), 1e-9);
   apply_keyframe(map, world.keyframes[3]);
   const Rigid3 next =
-      world.keyframes[3]->odom_from_camera.inverse() * *map.pose_of(world.keyframes[3]->id);
+      world.keyframes[3]->odom_from_camera.pose().inverse() * *map.pose_of(world.keyframes[3]->id);
   EXPECT_LT(next.translation.norm(), 1e-9);
 }
 

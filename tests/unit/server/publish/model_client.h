@@ -60,7 +60,7 @@ struct ModelClient {
     return true;
   }
 
-  std::optional<Rigid3> pose_of(KeyframeId id) const {
+  std::optional<Sim3> pose_of(KeyframeId id) const {
     if (const auto own = poses.find(id); own != poses.end()) return own->second;
     const auto link = hanging.find(id);
     if (link == hanging.end()) return std::nullopt;
@@ -74,7 +74,7 @@ struct ModelClient {
     std::optional<Eigen::Vector3d> in_maker;
     LandmarkState state;
   };
-  std::map<KeyframeId, Rigid3> poses;
+  std::map<KeyframeId, Sim3> poses;
   std::map<KeyframeId, KeyframeRemoval> hanging;
   std::map<LandmarkId, Known> landmarks;
   std::uint64_t revision = 0;

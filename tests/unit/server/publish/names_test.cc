@@ -16,7 +16,7 @@ struct Pair {
     map.id = {1};
     for (const KeyframePtr& keyframe : world.keyframes) {
       apply_keyframe(map, keyframe);
-      local.add_keyframe(keyframe, keyframe->odom_from_camera);
+      local.add_keyframe(keyframe, keyframe->odom_from_camera.pose());
     }
     tell();
     // Two landmarks that were made with the first keyframe.
