@@ -216,6 +216,51 @@ TEST(PoseGraph, FindsTheScaleOfAPart) {
   }
 }
 
+// A single camera goes round once and believes everything to be a tenth smaller in the end.
+struct ShrunkRing {
+  ShrunkRing() {
+    ring.add_to(map);
+    loop = ring.loop(99, 0);
+    loop.to_from_from.scale = 1 / ring.scale_at(99);
+  }
+  // The farthest that a keyframe lies from the truth once the loop is closed, metres.
+  double error_after(const PoseGraphOptions& options) {
+    LoopClosure closure;
+    closure.edge.query = ring.id(99);
+    closure.edge.candidate = ring.id(0);
+    closure.correction = solve_pose_graph(map, {&loop, 1}, options);
+    EXPECT_FALSE(apply_loop(map, closure).is_void);
+    double worst = 0;
+    for (int k = 0; k < 100; ++k)
+      worst = std::max(worst, (map.pose_of(ring.id(k))->translation -
+                               ring.truth[static_cast<std::size_t>(k)].translation)
+                                  .norm());
+    return worst;
+  }
+  RingMap ring{{.drift_scale = std::log(1.1)}};
+  Map map;
+  RelativePose loop;
+};
+
+TEST(PoseGraph, TakesTheDriftInScaleOutOfARing) {
+  ShrunkRing run;
+  EXPECT_LT(run.error_after({.with_scale = true}), 0.1);
+  for (int k = 0; k < 100; ++k) {
+    const KeyframeNode& node = run.map.keyframes.at(run.ring.id(k));
+    EXPECT_NEAR(node.unit, 1 / run.ring.scale_at(k), 0.005) << k;
+    const Eigen::Vector3d landmark = run.map.landmarks.at(run.ring.landmark(k)).position;
+    EXPECT_NEAR((landmark - node.map_from_camera.translation).norm(), 2, 0.01) << k;
+  }
+  // The loop holds now, so that it asks for nothing more when another one is closed.
+  const Sim3 between = run.map.keyframes.at(run.ring.id(0)).scaled_pose().inverse() *
+                       run.map.keyframes.at(run.ring.id(99)).scaled_pose();
+  EXPECT_NEAR(between.scale, run.loop.to_from_from.scale, 0.002);
+  EXPECT_LT((between.translation - run.loop.to_from_from.translation).norm(), 0.01);
+
+  ShrunkRing rigid;
+  EXPECT_GT(rigid.error_after({.with_scale = false}), 0.2) << "there is something to take out";
+}
+
 TEST(PoseGraph, SkipsLoopsOfKeyframesThatAreGone) {
   const RingMap ring({});
   Map map;

@@ -15,6 +15,7 @@ struct RingOptions {
   double radius = 5;             // metres
   double drift_rotation = 0;     // radians at each step, about the vertical
   double drift_translation = 0;  // share of each step by which it is told too long
+  double drift_scale = 0;        // logarithm, by which it is told too small at the end of the ring
   double noise = 0;              // standard deviation of each step, metres and radians / 3
   int covisible = 3;             // keyframes ahead and behind with 150 shared landmarks
   std::uint64_t epoch = 7;
@@ -41,10 +42,15 @@ class RingMap {
 
   // Adds the ring to a map: each keyframe with one landmark two metres ahead.
   void add_to(Map& map) const {
+    auto rig = std::make_shared<Rig>();
+    rig->sensor = Sensor::kMono;
     for (int k = 0; k < options.keyframes; ++k) {
       auto keyframe = std::make_shared<Keyframe>();
       keyframe->id = id(k);
       keyframe->stamp_ns = k;
+      keyframe->rig = rig;
+      keyframe->features.points.emplace_back();
+      keyframe->features.descriptors.emplace_back();
       KeyframeNode node;
       node.keyframe = keyframe;
       node.map_from_camera = estimate[static_cast<std::size_t>(k)];
@@ -58,7 +64,7 @@ class RingMap {
       }
       Landmark l;
       l.id = landmark(k);
-      l.position = node.map_from_camera * Eigen::Vector3d(0, 0, 2);
+      l.position = node.map_from_camera * Eigen::Vector3d(0, 0, 2 * scale_at(k));
       l.observations = {{keyframe->id, 0}};
       l.reference = keyframe->id;
       map.landmarks.insert(l.id, l);
@@ -71,6 +77,9 @@ class RingMap {
     return truth[static_cast<std::size_t>(to)].inverse() * truth[static_cast<std::size_t>(from)];
   }
 
+  // How large a metre is told to be around keyframe k.
+  double scale_at(int k) const { return std::exp(-options.drift_scale * k / options.keyframes); }
+
   RingOptions options;
   std::vector<Rigid3> truth;     // in the frame of the first
   std::vector<Rigid3> estimate;  // in map
@@ -82,7 +91,7 @@ class RingMap {
     estimate.push_back(options.map_from_ring);
     for (int k = 1; k < options.keyframes; ++k) {
       Rigid3 step = relative(k - 1, k);
-      step.translation *= 1 + options.drift_translation;
+      step.translation *= (1 + options.drift_translation) * scale_at(k);
       step.rotation = so3_exp({0, options.drift_rotation, 0}) * step.rotation;
       if (options.noise > 0) {
         Eigen::Matrix<double, 6, 1> delta;

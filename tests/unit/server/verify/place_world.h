@@ -3,7 +3,8 @@
 //
 // A Room is points with descriptors, normals and sizes. A Visit is a few keyframes of one client in
 // it, with noise on pixels and depth, and landmarks made of what each feature's depth said when it
-// was first seen. Visits are parts of the same Map without anything in common.
+// was first seen, or, by a single camera, of two views. Visits are parts of the same Map without
+// anything in common.
 #pragma once
 
 #include <algorithm>
@@ -126,8 +127,9 @@ class Visit {
   std::shared_ptr<const Rig> rig() const {
     Rig rig;
     rig.sensor = options.sensor;
-    rig.camera = {500, 500, 319.5, 239.5, 640, 480, 0.08 * options.scale};
-    rig.max_depth = 6 * options.scale;
+    const bool mono = options.sensor == Sensor::kMono;
+    rig.camera = {500, 500, 319.5, 239.5, 640, 480, mono ? 0 : 0.08 * options.scale};
+    rig.max_depth = mono ? 0 : 6 * options.scale;
     return std::make_shared<const Rig>(rig);
   }
 
@@ -147,15 +149,18 @@ class Visit {
     f.x = static_cast<float>(pixel.x());
     f.y = static_cast<float>(pixel.y());
     f.angle = static_cast<float>(point.angle);
-    f.disparity = static_cast<float>(camera.disparity(options.scale * p.z()) +
-                                     options.disparity_noise * random_.normal());
-    if (keyframe.features.size() >= 60000 || f.disparity <= 1) return;
+    const bool mono = options.sensor == Sensor::kMono;
+    if (!mono)
+      f.disparity = static_cast<float>(camera.disparity(options.scale * p.z()) +
+                                       options.disparity_noise * random_.normal());
+    if (keyframe.features.size() >= 60000 || (!mono && f.disparity <= 1)) return;
     const auto index = static_cast<std::uint16_t>(keyframe.features.size());
     keyframe.features.points.push_back(f);
     keyframe.features.descriptors.push_back(look(point.descriptor));
     LandmarkId& landmark = landmark_of_[i];
-    if (!landmark.is_valid()) landmark = LandmarkId::from_feature(keyframe.id, index);
-    keyframe.matches.push_back({index, landmark});
+    const bool is_new = !landmark.is_valid();
+    if (is_new) landmark = LandmarkId::from_feature(keyframe.id, index);
+    if (!mono || !is_new) keyframe.matches.push_back({index, landmark});
   }
 
   Descriptor look(Descriptor d) {
