@@ -197,7 +197,7 @@ void ClientView::compare_keyframes(const Map& map, std::uint32_t count, MapUpdat
       if (sequence > 0 && own.told == Told::kNothing && node->keyframe->reference.epoch != epoch_)
         parts_may_differ_ = true;
       compare_pose(*node, own, update);
-      if (!own.counted) count_own_landmarks(*node);
+      if (!own.counted) count_own_landmarks(map, *node);
       own.counted = true;
     } else if (own.told != Told::kRemoval) {
       tell_removal(map, sequence, update);
@@ -278,13 +278,18 @@ std::optional<KeyframeId> ClientView::nearest_own(const Map& map, std::uint32_t 
 // The client has had them since it made the keyframe, and knows what they look like; unless it has
 // started over since. Those that the map refused, or that are gone already, are reported by the
 // check that follows.
-void ClientView::count_own_landmarks(const KeyframeNode& node) {
-  // A monocular client names a landmark after the earlier of the two keyframes that made it.
+void ClientView::count_own_landmarks(const Map& map, const KeyframeNode& node) {
+  // A monocular client names a landmark after the earlier of the two keyframes that made it. Where
+  // only a lost map had that one, the landmark is none of this map's business.
   const bool mono = node.rig().sensor == Sensor::kMono;
+  const auto is_of_pair = [&](LandmarkId id) {
+    return mono && id.origin == epoch_ &&
+           (map.keyframes.contains(id.creator()) || map.removed_keyframes.contains(id.creator()));
+  };
   const bool is_held = node.keyframe->id.sequence >= provisional_from_;
   for (const LandmarkMatch& match : node.keyframe->matches) {
     const bool makes = match.landmark == LandmarkId::from_feature(node.keyframe->id, match.feature);
-    if (!makes && !(mono && match.landmark.origin == epoch_)) continue;
+    if (!makes && !is_of_pair(match.landmark)) continue;
     const bool is_new = !known_.find(match.landmark);
     const Slot slot = known_.know(match.landmark);
     near_.push_back(slot);

@@ -90,7 +90,7 @@ class ClientView {
   void compare_keyframes(const Map& map, std::uint32_t count, MapUpdate& update);
   void compare_pose(const KeyframeNode& node, OwnKeyframe& own, MapUpdate& update) const;
   void tell_removal(const Map& map, std::uint32_t sequence, MapUpdate& update);
-  void count_own_landmarks(const KeyframeNode& node);
+  void count_own_landmarks(const Map& map, const KeyframeNode& node);
   std::optional<KeyframeId> nearest_own(const Map& map, std::uint32_t sequence) const;
   void tell_parts(const Map& map, MapUpdate& update);
 

@@ -121,6 +121,26 @@ TEST(Relocalise, TwoPlacesThatLookTheSameAreNoAnswer) {
   EXPECT_NE(joined.why.find("two places"), std::string::npos) << joined.why;
 }
 
+// Depth in metres says nothing in a part that has another unit; images alone do.
+TEST(Relocalise, WhoHasDepthIsNotPlacedInAPartWithoutMetres) {
+  World world({});
+  const Room room = cluttered(1);
+  const Visit visit(world.map, room,
+                    {.epoch = 7, .step = 0.25, .pixel_noise = 0.3, .sensor = Sensor::kMono});
+  for (int k = 0; k < visit.options.keyframes; ++k) world.index_keyframe(visit.id(k));
+  EXPECT_FALSE(world.ask(room).found);
+  auto blind = std::make_shared<Keyframe>(*World::view_of(room));
+  auto rig = std::make_shared<Rig>(*blind->rig);
+  rig->sensor = Sensor::kMono;
+  rig->camera.baseline = rig->max_depth = 0;
+  blind->rig = rig;
+  for (Feature& f : blind->features.points) f.disparity = 0;
+  world.map.keyframes.edit(visit.id(2))->unit = 3;  // merges have scaled it since
+  const RelocaliseAnswer found = relocalise(world.map, world.index, *vocabulary(), *blind, {});
+  ASSERT_TRUE(found.found) << found.why;
+  EXPECT_EQ(found.map_from_reference.scale, found.reference == visit.id(2) ? 3 : 1);
+}
+
 TEST(Relocalise, IsTheSameEachTime) {
   const World world({cluttered(1), cluttered(2)});
   const RelocaliseAnswer a = world.ask(world.rooms[0]), b = world.ask(world.rooms[0]);

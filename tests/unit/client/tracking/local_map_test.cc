@@ -356,6 +356,59 @@ TEST(LocalMap, AMergeMovesEverythingAndForgetsNothing) {
   EXPECT_NEAR((map.find(name(0, 0))->position - seen - Eigen::Vector3d(3, 0, 0)).norm(), 0, 1e-12);
 }
 
+TEST(LocalMap, AMergeOfAnotherScaleScalesEverything) {
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  map.add_keyframe(make_keyframe(1, 1, {}, moved(0.2)), moved(0.2));
+  const LocalLandmark before = *map.find(name(1, 0));
+  const Sim3 move({1, 0, 0, 0}, {3, 0, 0}, 2.5);
+  MapUpdate merge = update_of(1);
+  merge.new_map_from_old_map = move;
+  map.apply(merge);
+  EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 3.5, 1e-12);
+  EXPECT_NEAR(map.scaled_pose_of({kEpoch, 1})->scale, 2.5, 1e-12);
+  const LocalLandmark after = *map.find(name(1, 0));
+  EXPECT_NEAR((after.position - move * before.position).norm(), 0, 1e-9);
+  EXPECT_NEAR(after.max_distance / before.max_distance, 2.5, 1e-5);
+  EXPECT_NEAR(after.min_distance / before.min_distance, 2.5, 1e-5);
+  // The second keyframe, not placed yet, still hangs on the first one by what was measured.
+  MapUpdate placed = update_of(1);
+  placed.keyframes = {{{kEpoch, 0}, Sim3({1, 0, 0, 0}, {4, 0, 0}, 5)}};
+  map.apply(placed);
+  EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 5, 1e-12);
+  EXPECT_NEAR(map.scaled_pose_of({kEpoch, 1})->scale, 5, 1e-12);
+}
+
+TEST(LocalMap, KnowsWhichKeyframesHangTogether) {
+  LocalMap map;
+  const auto add = [&](std::uint32_t sequence, KeyframeId reference) {
+    auto keyframe = std::make_shared<Keyframe>(*make_keyframe(sequence, 1));
+    keyframe->reference = reference;
+    map.add_keyframe(keyframe, moved(0));
+  };
+  add(0, {});
+  add(1, {kEpoch, 0});
+  add(2, {});  // lost: a new part
+  add(3, {kEpoch, 2});
+  add(4, {kEpoch + 1, 8});  // found by the server where another client has been
+  add(5, {kEpoch, 1});      // found again by itself
+  using Parts = std::vector<std::uint32_t>;
+  EXPECT_EQ(map.parts(), (Parts{0, 0, 1, 1, 2, 0})) << "by itself";
+  MapUpdate u = update_of(5);
+  u.parts = {{0, 0}, {2, 1}, {4, 0}};
+  map.apply(u);
+  EXPECT_EQ(map.parts(), (Parts{0, 0, 1, 1, 0, 0})) << "the other client's part is the first one";
+  u.parts = {};
+  map.apply(u);
+  EXPECT_EQ(map.parts(), (Parts{0, 0, 1, 1, 0, 0})) << "no news";
+  u.parts = {{0, 0}};
+  u.mapped_keyframes = 6;
+  map.apply(u);
+  EXPECT_EQ(map.parts(), (Parts{0, 0, 0, 0, 0, 0}));
+  add(6, {});
+  EXPECT_EQ(map.parts(), (Parts{0, 0, 0, 0, 0, 0, 1})) << "until the server has told";
+}
+
 TEST(LocalMap, DropsTheLeastUsedLandmarksBeyondItsLimit) {
   LocalMap map({.landmarks = 21, .keyframes_with_features = 2});
   map.add_keyframe(make_keyframe(0, 15), moved(0));

@@ -428,6 +428,9 @@ TEST(Tracker, StartsANewPartOfTheMapWhereNobodyFindsIt) {
   EXPECT_LT((r.keyframe->odom_from_camera.translation - last.translation).norm(), 0.02);
   EXPECT_EQ(run.step_elsewhere().state, TrackingState::kTracking);
   EXPECT_EQ(run.tracker.trajectory().size(), before + 2);
+  ASSERT_EQ(run.tracker.trajectory_by_part().size(), 2u);
+  EXPECT_EQ(run.tracker.trajectory_by_part()[0].size(), before);
+  EXPECT_EQ(run.tracker.trajectory_by_part()[1].size(), 2u);
   // Corrections reach both parts.
   MapUpdate update;
   update.map = {1};

@@ -1,5 +1,7 @@
 #include "common/geometry/sim3.h"
 
+#include <cmath>
+
 #include <random>
 #include <vector>
 
@@ -48,6 +50,27 @@ TEST(Sim3, MovedPoseSeesMovedPointsInTheSameDirection) {
     const Eigen::Vector3d after = b_from_camera.inverse() * (kSimilarity * p_in_a);
     EXPECT_TRUE(after.isApprox(2.5 * before, 1e-12));
   }
+}
+
+TEST(Sim3, IsAPoseWithAUnit) {
+  const Rigid3 rigid(so3_exp({0.1, -0.2, 0.3}), {1, 2, 3});
+  const Sim3 scaled(rigid.rotation, rigid.translation, 2.5);
+  EXPECT_EQ(scaled.pose().matrix(), rigid.matrix());
+  const Eigen::Vector3d seen(0.4, -0.5, 2);
+  EXPECT_LT((scaled * seen - rigid * (2.5 * seen)).norm(), 1e-12);
+  EXPECT_LT(((scaled.matrix() * seen.homogeneous()).head<3>() - scaled * seen).norm(), 1e-12);
+  EXPECT_TRUE(scaled.is_finite());
+  EXPECT_FALSE(Sim3(rigid.rotation, rigid.translation, std::nan("")).is_finite());
+}
+
+TEST(Sim3, InOtherUnitsIsTheSameTransform) {
+  const Sim3 b_from_a(so3_exp({0.1, -0.2, 0.3}), {1, 2, 3}, 0.7);
+  const Eigen::Vector3d point(0.4, -0.5, 2);
+  const double unit_a = 2, unit_b = 5;  // of the numbers' own
+  const Sim3 told = in_units(b_from_a, unit_a, unit_b);
+  EXPECT_LT((unit_b * (told * (point / unit_a)) - b_from_a * point).norm(), 1e-12);
+  const Sim3 back = in_units(told, 1 / unit_a, 1 / unit_b);
+  EXPECT_LT((back.matrix() - b_from_a.matrix()).norm(), 1e-12);
 }
 
 TEST(AlignPoints, FindsTheSimilarityThatMovedThem) {

@@ -31,6 +31,7 @@ struct Pair {
     const auto update = view.difference(map, keyframes);
     if (!update) return 0;
     local.apply(*update);
+    keyframes_told = update->keyframes.size();
     return update->landmarks.size() + update->moved_landmarks.size();
   }
   // Time passes: another keyframe beside the last one, that shows a few of the
@@ -97,6 +98,7 @@ struct Pair {
   ClientView view;
   LocalMap local;
   std::uint32_t keyframes = kKeyframes;
+  std::size_t keyframes_told = 0;  // with the last update
 };
 
 TEST(Loops, AMergedPartMovesAsAWholeWithoutBeingSentAnew) {
@@ -120,8 +122,10 @@ TEST(Loops, AMergedPartIsScaledAsAWholeWithoutBeingSentAnew) {
   EXPECT_LT(pair.keyframe_error(), 1e-3);
   EXPECT_NEAR(pair.local.find(id)->max_distance / distance, kScaledMove.scale, 1e-3);
   // Once more: what the server believes the client to have is that.
+  EXPECT_EQ(pair.keyframes_told, 0u);
   pair.close_loop(true, kScaledMove);
   EXPECT_EQ(pair.tell(), 0u);
+  EXPECT_EQ(pair.keyframes_told, 0u);
   EXPECT_LT(pair.landmark_error(), 0.02);
   EXPECT_LT(pair.keyframe_error(), 1e-3);
 }

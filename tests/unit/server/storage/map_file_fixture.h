@@ -82,6 +82,7 @@ inline Map map_of(const Sent& sent, std::size_t count) {
 
 inline void expect_same_node(const KeyframeNode& a, const KeyframeNode& b) {
   EXPECT_EQ(a.map_from_camera.matrix(), b.map_from_camera.matrix());
+  EXPECT_EQ(a.unit, b.unit);
   EXPECT_EQ(a.landmarks, b.landmarks);
   EXPECT_EQ(a.parent, b.parent);
   EXPECT_EQ(a.children, b.children);
@@ -140,8 +141,11 @@ inline void expect_same_map(const Map& a, const Map& b) {
   for (const LandmarkId id : a.replaced_landmarks.sorted_keys())
     EXPECT_EQ(a.replaced_landmarks.at(id).now, b.replaced_landmarks.at(id).now);
   ASSERT_EQ(a.removed_keyframes.sorted_keys(), b.removed_keyframes.sorted_keys());
-  for (const KeyframeId id : a.removed_keyframes.sorted_keys())
+  for (const KeyframeId id : a.removed_keyframes.sorted_keys()) {
     EXPECT_EQ(a.removed_keyframes.at(id).anchor, b.removed_keyframes.at(id).anchor);
+    expect_same_transform(a.removed_keyframes.at(id).anchor_from_camera,
+                          b.removed_keyframes.at(id).anchor_from_camera);
+  }
   ASSERT_EQ(a.mapped_keyframes.sorted_keys(), b.mapped_keyframes.sorted_keys());
   for (const std::uint64_t epoch : a.mapped_keyframes.sorted_keys())
     EXPECT_EQ(a.mapped_of(epoch), b.mapped_of(epoch));
@@ -168,13 +172,15 @@ inline std::size_t pending_count(MapFile& file) {
   return pending->size();
 }
 
-// Two landmarks fused and a keyframe culled, so that every table has rows.
+// Two landmarks fused, a keyframe scaled and another one culled, so that every table has rows.
 inline void rework(Map& map) {
   const auto landmarks = map.landmarks.sorted_keys();
   MapDelta delta;
   delta.base_revision = map.revision;
   delta.removed_landmarks = {landmarks[0]};
   delta.positions = {{landmarks[4], {1, 2, 3}}};
+  const KeyframeId scaled = map.keyframes.sorted_keys()[1];
+  delta.poses = {{scaled, *map.pose_of(scaled), *map.pose_of(scaled), 1.25}};
   apply_delta(map, delta);
   map.replaced_landmarks.insert(landmarks[0], {landmarks[1], map.keyframes_ever});
   map.mapped_keyframes.insert(kClient.epoch, 4);
