@@ -31,6 +31,8 @@ constexpr std::chrono::seconds kConnectGrace{5};  // --max-rate goes on without 
 constexpr std::chrono::seconds kAnswerGrace{2};
 // With --max-rate or --lockstep: how long a lost client waits for the server to say where it is.
 constexpr std::chrono::seconds kAnswerPatience{2};
+// With --lockstep: how long the first of two keyframes is waited for before the second is sent.
+constexpr std::chrono::seconds kLockstepPatience{5};
 constexpr std::chrono::seconds kProgressEvery{5};
 // How long an interrupted client still tries to deliver; the outbox keeps the rest for later.
 constexpr std::chrono::seconds kInterruptedPatience{2};
@@ -145,6 +147,10 @@ void Session::look_after_link() {
 
 // What another map's server does not get from the outbox has gone into the lost map.
 void Session::apply(const MapUpdate& update) {
+  log::debug("update {} -> {}: {} mapped, {} keyframes, {} landmarks, {} moved, {} removed",
+             update.base_revision, update.revision, update.mapped_keyframes,
+             update.keyframes.size(), update.landmarks.size(), update.moved_landmarks.size(),
+             update.removed_landmarks.size());
   const bool lost = tracker_->map().is_of_another_map(update);
   tracker_->apply(update);
   settled_ = update.settled;
@@ -187,6 +193,10 @@ Status Session::process(const Frame& frame) {
 void Session::send(const TrackingResult& result) {
   for (const KeyframePtr& keyframe : {result.first_keyframe, result.keyframe}) {
     if (!keyframe) continue;
+    // A monocular map starts with two. The answer to the first must not depend on whether the
+    // server has the second yet.
+    if (keyframe != result.first_keyframe && result.first_keyframe && options_.lockstep)
+      (void)wait_for_mapping(1, Clock::now() + kLockstepPatience, false);
     sent_[keyframe->id.sequence] = Clock::now();
     link_->send(keyframe);
   }
