@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
 #include <unordered_set>
 
 #include "common/wire/map_update_codec.h"
 #include "server/publish/landmark_state.h"
 #include "server/publish/neighbourhood.h"
+#include "server/publish/parts_of_run.h"
 
 namespace cairn {
 namespace {
@@ -46,35 +46,6 @@ KeyframeId present(const Map& map, KeyframeId id) {
   while (const FormerKeyframe* former = map.removed_keyframes.find(id)) id = former->anchor;
   return id;
 }
-
-// The roots of keyframes, each way gone once.
-class Roots {
- public:
-  explicit Roots(const Map& map) : map_(map) {}
-
-  // Of one that is or was in the map; else not valid.
-  KeyframeId of(KeyframeId id) {
-    id = present(map_, id);
-    const KeyframeNode* node = map_.keyframes.find(id);
-    std::vector<KeyframeId> way;
-    for (; node; node = map_.keyframes.find(id)) {
-      if (const auto known = roots_.find(id); known != roots_.end()) {
-        id = known->second;
-        break;
-      }
-      way.push_back(id);
-      if (!node->parent.is_valid()) break;
-      id = node->parent;
-    }
-    if (!map_.keyframes.contains(id)) return {};
-    for (const KeyframeId step : way) roots_[step] = id;
-    return id;
-  }
-
- private:
-  const Map& map_;
-  std::unordered_map<KeyframeId, KeyframeId> roots_;
-};
 
 // Not valid for a keyframe that the map does not have.
 KeyframeId root_of(const Map& map, KeyframeId id) {
@@ -235,24 +206,11 @@ void ClientView::tell_removal(const Map& map, std::uint32_t sequence, MapUpdate&
   keyframes_[sequence].told = Told::kRemoval;
 }
 
-// A keyframe that this map does not have, because another server's held it, counts to the one
-// before.
 void ClientView::tell_parts(const Map& map, MapUpdate& update) {
-  Roots roots(map);
-  std::vector<KeyframeId> parts;  // by their roots
-  std::vector<PartOfRun> runs;
-  for (std::uint32_t sequence = 0; sequence < mapped_keyframes_; ++sequence) {
-    const KeyframeId root = roots.of({epoch_, sequence});
-    if (!root.is_valid()) continue;
-    const auto known = std::find(parts.begin(), parts.end(), root);
-    const auto part = static_cast<std::uint32_t>(known - parts.begin());
-    if (known == parts.end()) parts.push_back(root);
-    if (runs.empty()) runs.push_back({0, part});
-    if (runs.back().part != part) runs.push_back({sequence, part});
-  }
-  parts_may_differ_ = keyframes_.size() > mapped_keyframes_;
-  if (runs == parts_) return;
-  parts_ = update.parts = std::move(runs);
+  std::vector<PartOfRun> parts = parts_of_run(map, epoch_, mapped_keyframes_);
+  parts_may_differ_ = keyframes_.size() > mapped_keyframes_;  // of which nothing is said yet
+  if (parts == parts_) return;
+  parts_ = update.parts = std::move(parts);
 }
 
 // In time; if one of the nearest is known to lie in the same part of the map, that.
