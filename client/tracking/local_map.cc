@@ -252,7 +252,7 @@ void LocalMap::move(const Sim3& new_map_from_old_map) {
 
 NewNames LocalMap::change_map(const Sim3& new_map_from_old_map) {
   move(new_map_from_old_map);
-  const NewNames names = take_over_landmarks();
+  NewNames names = take_over_landmarks();
   for (OwnKeyframe& k : keyframes_) take_over_keyframe(k, names);
   return names;
 }

@@ -39,7 +39,8 @@ VisitOptions visit(std::uint64_t epoch, Sensor sensor, double scale) {
 
 // Two clients in one room, the first one's part of the map the older one.
 struct Visits {
-  Visits(VisitOptions of_first, VisitOptions of_second, const Rigid3& second_from_room)
+  Visits(const VisitOptions& of_first, const VisitOptions& of_second,
+         const Rigid3& second_from_room)
       : a(map, the_room, of_first), b(map, the_room, second(of_second, second_from_room)) {}
   static VisitOptions second(VisitOptions o, const Rigid3& map_from_room) {
     o.room_from_first = kBeside;

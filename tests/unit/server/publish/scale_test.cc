@@ -30,7 +30,7 @@ struct Wander {
   }
 
   TrackingResult step() {
-    const TrackingResult r =
+    TrackingResult r =
         tracker.track(kFrameNs * frame, world.view(*rig, stroll(kSpeed * frame / 30.0), 0.3, 10));
     ++frame;
     for (const KeyframePtr& k : {r.first_keyframe, r.keyframe})
