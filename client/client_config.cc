@@ -48,7 +48,9 @@ void read_tracking(Section section, TrackerOptions& tracker) {
   const auto count = [&](const char* key, int fallback, std::int64_t min, std::int64_t max) {
     return static_cast<int>(section.integer_or(key, fallback, {min, max}));
   };
-  tracker.min_inliers = count("min_inliers", tracker.min_inliers, 6, 1000);
+  // Without the key each kind of sensor has its own default, here and below.
+  if (section.has("min_inliers"))
+    tracker.min_inliers = tracker.min_inliers_mono = count("min_inliers", 0, 6, 1000);
   tracker.min_inliers_after_loss =
       count("min_inliers_after_loss", tracker.min_inliers_after_loss, 6, 1000);
   tracker.lost.new_part_after_s =
@@ -66,7 +68,6 @@ void read_tracking(Section section, TrackerOptions& tracker) {
   KeyframePolicyOptions& policy = tracker.keyframes;
   policy.max_frames_between = count("keyframe_max_frames", policy.max_frames_between, 1, 10000);
   policy.min_frames_between = count("keyframe_min_frames", policy.min_frames_between, 0, 10000);
-  // Without the key each kind of sensor has its own default.
   if (section.has("keyframe_min_shared"))
     policy.min_shared = policy.min_shared_mono = section.number("keyframe_min_shared", {0, 1});
 }

@@ -18,7 +18,7 @@ struct ProvisionalOptions {
   double min_baseline = 0.02;
   // Less certain points than the server would take: they need not last, and where the camera mostly
   // turns there are no others.
-  PairOptions pair{.max_relative_sigma = 0.25};
+  PairOptions pair{.max_relative_sigma = 0.4};
 };
 
 // Of the features of a tracked frame that show nothing yet; each at most once, and so each feature

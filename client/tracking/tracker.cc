@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinMatches = 20;        // to try to solve a pose at all
+constexpr int kMinMatches = 20;        // to try to solve a pose at all, but no more than must fit
 constexpr int kMinFollowInliers = 10;  // for the local map to be worth searching
 constexpr int kFramesToTrustAfterLoss = 30;
 
@@ -70,7 +70,7 @@ bool Tracker::follow(TrackedFrame& frame, TrackingResult& result) {
   }
   ++frames_since_loss_;
   const int enough = frames_since_loss_ < kFramesToTrustAfterLoss ? options_.min_inliers_after_loss
-                                                                  : options_.min_inliers;
+                                                                  : min_inliers();
   if (landmarks < enough) {
     if (state_ == TrackingState::kTracking)
       log::warn("tracking lost at {:.3f} s: {} landmarks fit, {} needed",
@@ -92,6 +92,10 @@ bool Tracker::follow(TrackedFrame& frame, TrackingResult& result) {
   result.landmarks = landmarks;
   if (wants_keyframe(frame, landmarks)) result.keyframe = make_keyframe(frame);
   return true;
+}
+
+int Tracker::min_inliers() const {
+  return rig_->sensor == Sensor::kMono ? options_.min_inliers_mono : options_.min_inliers;
 }
 
 bool Tracker::could_start(const TrackedFrame& frame) const {
@@ -226,7 +230,7 @@ int Tracker::follow_motion(TrackedFrame& frame) {
     frame.map_from_camera = predicted;
     const int matches =
         match_to_last_frame(*last_, map_, factor * options_.last_frame_radius, frame);
-    if (matches >= kMinMatches) {
+    if (matches >= std::min(kMinMatches, min_inliers())) {
       const int landmarks = refine_pose(frame);
       if (landmarks >= kMinFollowInliers) return landmarks;
     }

@@ -149,8 +149,9 @@ TEST(Mono, EurocStartsSoonAndIsTrackedAsWellAsByOrbSlam2) {
   EXPECT_LE(run.ate, 0.006);
 }
 
-// The first is next to nothing but fast turns: how far it gets differs much with little, so that it
-// is held to what every variant reaches, and to not starting falsely.
+// Bars: what ORB-SLAM2 reaches on the same images, but for the kitchen's accuracy, where it has
+// 0.025 m: with its rough calibration 0.025 to 0.026 is what nearby settings reach. The first
+// recording is next to nothing but fast turns.
 struct RealMono {
   std::string folder, camera;
   int min_frames;
@@ -177,11 +178,11 @@ INSTANTIATE_TEST_SUITE_P(
                  "sensor: mono\ncamera:\n  resolution: [640, 480]\n"
                  "  intrinsics: [517.306, 516.469, 318.643, 255.314]\n"
                  "  distortion: [0.262383, -0.953104, -0.005358, 0.002628, 1.163314]\n",
-                 130, 0.05},
+                 205, 0.042},
         RealMono{"sevenscenes_kitchen_400",
                  "sensor: mono\ncamera:\n  resolution: [640, 480]\n"
                  "  intrinsics: [585, 585, 320, 240]\n",
-                 375, 0.03}),
+                 375, 0.027}),
     [](const auto& recording_info) { return recording_info.param.folder; });
 
 }  // namespace

@@ -71,14 +71,17 @@ TEST(ClientConfig, AnEmptyFileLeavesTheCameraToTheSource) {
   EXPECT_FALSE(config->camera.has_value());
 }
 
-TEST(ClientConfig, TheShareForKeyframesHoldsForEverySensorWhenGiven) {
-  const auto given = load("tracking:\n  keyframe_min_shared: 0.5\n");
+TEST(ClientConfig, WhatDiffersBySensorHoldsForEverySensorWhenGiven) {
+  const auto given = load("tracking:\n  keyframe_min_shared: 0.5\n  min_inliers: 30\n");
   ASSERT_TRUE(given.ok()) << given.message();
   EXPECT_EQ(given->tracker.keyframes.min_shared, 0.5);
   EXPECT_EQ(given->tracker.keyframes.min_shared_mono, 0.5);
+  EXPECT_EQ(given->tracker.min_inliers, 30);
+  EXPECT_EQ(given->tracker.min_inliers_mono, 30);
   const auto left_out = load("{}\n");
   ASSERT_TRUE(left_out.ok()) << left_out.message();
   EXPECT_GT(left_out->tracker.keyframes.min_shared_mono, left_out->tracker.keyframes.min_shared);
+  EXPECT_LT(left_out->tracker.min_inliers_mono, left_out->tracker.min_inliers);
 }
 
 TEST(ClientConfig, SharpensAsInThePaperWhenAsked) {
