@@ -5,17 +5,24 @@
 
 #include "common/util/clock.h"
 #include "common/util/log.h"
+#include "common/util/thread.h"
 #include "server/map/connected.h"
 
 namespace cairn {
 namespace {
 
 constexpr int kMaxRestarts = 2;
+// It takes seconds, and nobody waits for it who could not go on without (yield_to_others()).
+constexpr int kGivesWay = 15;
 
 }  // namespace
 
 GlobalAdjuster::GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, Done done)
-    : writer_(writer), options_(options), done_(std::move(done)), thread_([this] { run(); }) {}
+    : writer_(writer), options_(options), done_(std::move(done)), thread_([this] {
+        name_this_thread("global adjuster");
+        yield_to_others(kGivesWay);
+        run();
+      }) {}
 
 GlobalAdjuster::~GlobalAdjuster() {
   stop();

@@ -7,10 +7,15 @@
 
 #include "common/util/clock.h"
 #include "common/util/log.h"
+#include "common/util/thread.h"
 #include "server/map/connected.h"
 
 namespace cairn {
 namespace {
+
+// Mapping goes first: a loop that is found a little later costs nobody anything
+// (yield_to_others()).
+constexpr int kGivesWay = 5;
 
 // Of a merge, the part stays that has the keyframe which came first.
 std::uint64_t first_arrival(const Map& map, const std::vector<KeyframeId>& part) {
@@ -83,7 +88,11 @@ LoopCloser::LoopCloser(MapWriter& writer, std::shared_ptr<const Vocabulary> voca
       adjuster_(writer, options.global_ba, [this](const auto& tickets) { on_adjusted(tickets); }) {
   for (const KeyframeId id : writer_.snapshot()->keyframes.sorted_keys())
     tasks_.push_back({Task::Kind::kIndex, id});
-  thread_ = std::jthread([this] { run(); });
+  thread_ = std::jthread([this] {
+    name_this_thread("loop closer");
+    yield_to_others(kGivesWay);
+    run();
+  });
 }
 
 LoopCloser::~LoopCloser() {
@@ -164,7 +173,7 @@ void LoopCloser::carry_out(const Task& task, std::size_t waiting) {
       if (!map->keyframes.contains(task.keyframe)) return;  // culled before its turn
       index(*map, task.keyframe);
       if (task.kind == Task::Kind::kRecognise && waiting <= options_.max_waiting)
-        recognise(*map, task.keyframe, waiting > options_.max_waiting_for_loops);
+        recognise(*map, task.keyframe, waiting);
       return;
     }
     case Task::Kind::kFinish:
@@ -214,12 +223,15 @@ void LoopCloser::index(const Map& map, KeyframeId id) {
   drop_culled(map);
 }
 
-void LoopCloser::recognise(const Map& map, KeyframeId id, bool merges_only) {
+void LoopCloser::recognise(const Map& map, KeyframeId id, std::size_t waiting) {
   ++counters_.recognised;
   const KeyframeId root = root_of(map, id);
+  const std::size_t most_in_own_part =
+      options_.most_in_own_part - std::min(options_.most_in_own_part, waiting);
+  std::size_t in_own_part = 0;
   auto& finder = candidates_.try_emplace(id.epoch, options_.candidates).first->second;
   for (const LoopCandidate& candidate : finder.find(map, index_, id)) {
-    if (merges_only && root_of(map, candidate.keyframe) == root) continue;
+    if (root_of(map, candidate.keyframe) == root && in_own_part++ >= most_in_own_part) continue;
     ++counters_.candidates;
     VerifyOptions options = options_.verify;
     // Of two parts that are measured in metres, and within one, the scale is known.

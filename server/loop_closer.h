@@ -55,9 +55,10 @@ struct LoopCloserOptions {
   // While more keyframes wait they only go into the index: recognition may miss one, mapping must
   // not starve.
   std::size_t max_waiting = 40;
-  // While more than these wait, what lies in the same part of the map is not looked at: a loop is
-  // seen again a little later, a part that nobody has merged is of no use to its client.
-  std::size_t max_waiting_for_loops = 3;
+  // So many candidates in the keyframe's own part of the map are verified, less one for each
+  // keyframe that waits: a loop is seen again a little later, while a part that nobody has merged
+  // is of no use to its client.
+  std::size_t most_in_own_part = 3;
   std::size_t weld_neighbours = 5;  // of the query, whose landmarks are fused too
 };
 
@@ -124,7 +125,7 @@ class LoopCloser {
   void settle(std::uint64_t epoch);
   void on_adjusted(const std::vector<GlobalAdjuster::Ticket>& tickets);
   void index(const Map& map, KeyframeId id);
-  void recognise(const Map& map, KeyframeId id, bool merges_only);
+  void recognise(const Map& map, KeyframeId id, std::size_t waiting);
   void drop_culled(const Map& map);
   bool close_loop(const VerifiedLoop& loop);
   bool is_small(const Map& map, const VerifiedLoop& loop) const;

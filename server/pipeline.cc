@@ -6,6 +6,7 @@
 
 #include "common/util/clock.h"
 #include "common/util/log.h"
+#include "common/util/thread.h"
 #include "server/optimize/local_ba.h"
 #include "server/place/default_vocabulary.h"
 
@@ -173,9 +174,18 @@ Status Pipeline::start_receiving() {
   }
 
   for (int i = 0; i < config_.mapping_threads; ++i)
-    mappers_.emplace_back([this] { map_keyframes(); });
-  inserter_ = std::jthread([this] { insert_keyframes(); });
-  saver_ = std::jthread([this](std::stop_token stop) { save_now_and_then(stop); });
+    mappers_.emplace_back([this] {
+      name_this_thread("mapping");
+      map_keyframes();
+    });
+  inserter_ = std::jthread([this] {
+    name_this_thread("inserter");
+    insert_keyframes();
+  });
+  saver_ = std::jthread([this](std::stop_token stop) {
+    name_this_thread("saver");
+    save_now_and_then(stop);
+  });
   log::info("ready: domain {}, partition {}", config_.domain, config_.partition);
   return {};
 }

@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "common/util/log.h"
+#include "common/util/thread.h"
 #include "server/map/connected.h"
 #include "server/publish/landmark_state.h"
 
@@ -147,7 +148,10 @@ Relocaliser::~Relocaliser() {
 
 void Relocaliser::start(Send send) {
   send_ = std::move(send);
-  thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
+  thread_ = std::jthread([this](std::stop_token stop) {
+    name_this_thread("relocaliser");
+    run(stop);
+  });
 }
 
 void Relocaliser::ask(const ClientId& client, KeyframePtr view) {

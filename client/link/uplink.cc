@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "common/util/log.h"
+#include "common/util/thread.h"
 #include "common/wire/keyframe_codec.h"
 
 namespace cairn {
@@ -23,7 +24,10 @@ Uplink::Uplink(ClientId client, Sensor sensor, std::unique_ptr<Outbox> outbox, P
       outbox_(std::move(outbox)),
       resend_after_(timing.resend) {
   stats_.waiting = outbox_->waiting().size();
-  thread_ = std::jthread([this](std::stop_token stop) { run(stop); });
+  thread_ = std::jthread([this](std::stop_token stop) {
+    name_this_thread("uplink");
+    run(stop);
+  });
 }
 
 Uplink::~Uplink() {

@@ -116,7 +116,7 @@ bool MapEditor::add_observation(LandmarkId id, const Observation& observation) {
 }
 
 void MapEditor::attach(Landmark& landmark, const Observation& observation) {
-  count_covisible(landmark, observation.keyframe, +1);
+  covisibility_.add(observation.keyframe, landmark.observations, +1);
   landmark.observations.push_back(observation);
   map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = landmark.id;
   touch(landmark.id, Touch::kObservations);
@@ -132,7 +132,7 @@ bool MapEditor::remove_observation(LandmarkId id, const Observation& observation
   Landmark& landmark = *map_.landmarks.edit(id);
   landmark.observations.erase(landmark.observations.begin() + at);
   map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = LandmarkId{};
-  count_covisible(landmark, observation.keyframe, -1);
+  covisibility_.add(observation.keyframe, landmark.observations, -1);
   if (landmark.observations.empty()) {
     touched_.erase(id);
     map_.landmarks.erase(id);
@@ -209,31 +209,17 @@ void MapEditor::finish() {
   touched_.clear();
 }
 
-void MapEditor::count_covisible(const Landmark& landmark, KeyframeId keyframe, int change) {
-  auto& row = covisibility_[keyframe];
-  for (const Observation& o : landmark.observations) {
-    if (o.keyframe == keyframe) continue;
-    row[o.keyframe] += change;
-    covisibility_[o.keyframe][keyframe] += change;
-  }
-}
-
 void MapEditor::touch(LandmarkId id, Touch what) {
   Touch& entry = touched_.try_emplace(id, what).first->second;
   entry = std::max(entry, what);
 }
 
 void MapEditor::update_covisibility() {
-  for (const auto& [id, changes] : covisibility_) {
-    KeyframeNode* node = nullptr;
-    for (const auto& [other, change] : changes) {
-      if (change == 0) continue;
-      if (!node) node = map_.keyframes.edit(id);
-      change_shared(node->covisible, other, change);
-    }
-    if (node) std::sort(node->covisible.begin(), node->covisible.end(), stronger);
-  }
-  covisibility_.clear();
+  covisibility_.take([&](KeyframeId id, const auto& changes) {
+    std::vector<Covisible>& list = map_.keyframes.edit(id)->covisible;
+    for (const auto& [other, change] : changes) change_shared(list, other, change);
+    std::sort(list.begin(), list.end(), stronger);
+  });
 }
 
 void MapEditor::set_parent(KeyframeId child, KeyframeId parent) {

@@ -4,9 +4,9 @@
 
 #include <cstdint>
 #include <map>
-#include <set>
 #include <utility>
 
+#include "server/map/covisibility_changes.h"
 #include "server/map/map.h"
 
 namespace cairn {
@@ -55,7 +55,6 @@ class MapEditor {
 
   bool is_free(const Observation& observation) const;
   void attach(Landmark& landmark, const Observation& observation);
-  void count_covisible(const Landmark& landmark, KeyframeId keyframe, int change);
   void touch(LandmarkId id, Touch what);
   void update_covisibility();
   void set_parent(KeyframeId child, KeyframeId parent);
@@ -67,7 +66,7 @@ class MapEditor {
   Map& map_;
   // Ordered, so that the same event does the same in the same order on every run.
   std::map<LandmarkId, Touch> touched_;
-  std::map<KeyframeId, std::map<KeyframeId, int>> covisibility_;  // changes of `shared`, both ways
+  CovisibilityChanges covisibility_;
 };
 
 }  // namespace cairn

@@ -3,13 +3,18 @@
 #include <memory>
 #include <utility>
 
+#include "common/util/thread.h"
+
 namespace cairn {
 
 MapWriter::MapWriter(Map initial, std::size_t queue_capacity)
     : map_(std::move(initial)),
       published_(std::make_shared<const Map>(map_)),
       queue_(queue_capacity),
-      thread_([this] { run(); }) {}
+      thread_([this] {
+        name_this_thread("map writer");
+        run();
+      }) {}
 
 MapWriter::~MapWriter() {
   close();

@@ -9,8 +9,6 @@
 namespace cairn {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 LocalWindowOptions half(LocalWindowOptions window) {
   window.max_free = std::max<std::size_t>(window.max_free / 2, 1);
   window.max_fixed = std::max<std::size_t>(window.max_fixed / 2, 1);
@@ -25,7 +23,7 @@ LocalAdjuster::LocalAdjuster(MapWriter& writer, LocalSolver solver,
 
 void LocalAdjuster::add(KeyframeId id) {
   std::lock_guard lock(mutex_);
-  waiting_.push_back({id, Clock::now()});
+  waiting_.push_back(id);
 }
 
 std::size_t LocalAdjuster::waiting() const {
@@ -45,37 +43,34 @@ std::vector<KeyframeId> LocalAdjuster::companions(const Map& map, KeyframeId cen
     for (const Covisible& c : node->covisible)
       if (c.shared >= options_.window.min_shared) near.insert(c.keyframe);
   std::vector<KeyframeId> all;
-  for (const Waiting& w : waiting_)
-    if (w.keyframe == centre || (near.contains(w.keyframe) && all.size() < options_.max_together))
-      all.push_back(w.keyframe);
+  for (const KeyframeId id : waiting_)
+    if (id == centre || (near.contains(id) && all.size() < options_.max_together))
+      all.push_back(id);
   return all;
 }
 
 LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
   std::lock_guard lock(mutex_);
-  if (waiting_.empty()) return {};
-  const bool enough = more_coming == 0 || waiting_.size() >= options_.max_together ||
-                      Clock::now() - waiting_.front().since >= options_.patience;
-  if (!enough) return {};
+  if (waiting_.empty() || (more_coming > 0 && waiting_.size() < options_.max_together)) return {};
   Claim claim;
   claim.window = more_coming >= options_.thin_from ? half(options_.window) : options_.window;
   const Snapshot map = writer_.snapshot();
   std::set<std::uint64_t> passed_over;  // runs: their keyframes are served in order
-  for (const Waiting& w : waiting_) {
-    if (passed_over.contains(w.keyframe.epoch)) continue;
-    claim.centres = companions(*map, w.keyframe);
+  for (const KeyframeId id : waiting_) {
+    if (passed_over.contains(id.epoch)) continue;
+    claim.centres = companions(*map, id);
     const LocalWindow window = choose_local_window(*map, claim.centres, claim.window);
     if (is_free(window.free_keyframes) && is_free(claim.centres)) {
       claim.region.insert(window.free_keyframes.begin(), window.free_keyframes.end());
       break;
     }
     claim.centres.clear();
-    passed_over.insert(w.keyframe.epoch);
+    passed_over.insert(id.epoch);
   }
   claim.region.insert(claim.centres.begin(), claim.centres.end());
   busy_.insert(claim.region.begin(), claim.region.end());
-  std::erase_if(waiting_, [&](const Waiting& w) {
-    return std::find(claim.centres.begin(), claim.centres.end(), w.keyframe) != claim.centres.end();
+  std::erase_if(waiting_, [&](KeyframeId id) {
+    return std::find(claim.centres.begin(), claim.centres.end(), id) != claim.centres.end();
   });
   return claim;
 }

@@ -7,11 +7,10 @@
 // close together, from one client or from several that are at the same place, share a solve, and
 // clients at different places don't wait for each other.
 //
-// While more keyframes come than can be solved for, the solver waits for company (`patience`) and
-// works on smaller windows; no keyframe is left out.
+// While more keyframes come, who could solve prepares one of those first, until enough wait to
+// share a solve; and while many come windows are smaller. No keyframe is left out.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <deque>
 #include <functional>
@@ -35,8 +34,7 @@ using LocalSolver =
 struct LocalAdjusterOptions {
   LocalWindowOptions window = {};
   CullOptions cull = {};
-  std::size_t max_together = 6;             // keyframes that one solve serves
-  std::chrono::milliseconds patience{100};  // for company, while more keyframes come
+  std::size_t max_together = 6;  // keyframes that one solve serves
   // From so many on that wait for the steps before, windows are half as large.
   std::size_t thin_from = 4;
 };
@@ -60,16 +58,13 @@ class LocalAdjuster {
 
   // Adjusts around the keyframe that has waited longest, of those that can be served now, then
   // takes out what has become redundant there. `more_coming`: keyframes that are still to be
-  // added; with none there is no waiting for company.
+  // added: with some, and less than `max_together` waiting, nothing is done. Whoever adds them will
+  // ask again.
   LocalAdjustment adjust(std::size_t more_coming, std::stop_token stop = {});
 
   std::size_t waiting() const;
 
  private:
-  struct Waiting {
-    KeyframeId keyframe;
-    std::chrono::steady_clock::time_point since;
-  };
   struct Claim {
     std::vector<KeyframeId> centres;
     std::set<KeyframeId> region;  // nobody else solves for these meanwhile
@@ -84,8 +79,8 @@ class LocalAdjuster {
   const LocalSolver solver_;
   const LocalAdjusterOptions options_;
   mutable std::mutex mutex_;
-  std::deque<Waiting> waiting_;  // in order of arrival
-  std::set<KeyframeId> busy_;    // being solved for
+  std::deque<KeyframeId> waiting_;  // in order of arrival
+  std::set<KeyframeId> busy_;       // being solved for
 };
 
 }  // namespace cairn

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "common/feature/hamming.h"
 #include "common/feature/matching.h"
 #include "server/verify/similar_list.h"
 
@@ -28,22 +27,11 @@ bool is_distinctive(const Side& side, const FoundList& list, const VerifyOptions
                         [&](int a, int b) { return same_place(side, a, b); });
 }
 
-struct Tables {
-  std::vector<FoundList> of_query, of_candidate;
-};
-
-Tables compare(const Side& query, const Side& candidate) {
-  Tables t{std::vector<FoundList>(query.landmarks.size()),
-           std::vector<FoundList>(candidate.landmarks.size())};
-  for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
-    const Descriptor wanted = query.landmarks[i].landmark->descriptor;
-    for (std::size_t j = 0; j < candidate.landmarks.size(); ++j) {
-      const int distance = hamming_distance(wanted, candidate.landmarks[j].landmark->descriptor);
-      offer(t.of_query[i], {static_cast<int>(j), distance});
-      offer(t.of_candidate[j], {static_cast<int>(i), distance});
-    }
-  }
-  return t;
+std::vector<Descriptor> descriptors_of(const Side& side) {
+  std::vector<Descriptor> all;
+  all.reserve(side.landmarks.size());
+  for (const SideLandmark& l : side.landmarks) all.push_back(l.landmark->descriptor);
+  return all;
 }
 
 void keep_turned_alike(const Side& query, const Side& candidate,
@@ -63,16 +51,18 @@ void keep_turned_alike(const Side& query, const Side& candidate,
 }  // namespace
 
 Matches match_sides(const Side& query, const Side& candidate, const VerifyOptions& options) {
-  const Tables tables = compare(query, candidate);
+  const auto similar =
+      compare_all<kNearest>(descriptors_of(query), descriptors_of(candidate),
+                            distance_that_matters(options.max_distance, options.ratio));
   Matches matches;
   matches.distinctive.resize(query.landmarks.size());
   for (std::size_t i = 0; i < query.landmarks.size(); ++i) {
-    const FoundList& list = tables.of_query[i];
+    const FoundList& list = similar.of_a[i];
     for (const Similar& found : list)
       if (found.index >= 0 && found.distance <= options.similar_distance)
         matches.similar.push_back({static_cast<int>(i), found.index});
     if (!is_distinctive(candidate, list, options)) continue;
-    const FoundList& back = tables.of_candidate[static_cast<std::size_t>(list[0].index)];
+    const FoundList& back = similar.of_b[static_cast<std::size_t>(list[0].index)];
     if (!is_distinctive(query, back, options)) continue;
     matches.distinctive[i] = same_place(query, static_cast<int>(i), back[0].index);
     if (back[0].index == static_cast<int>(i))

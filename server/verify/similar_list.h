@@ -3,6 +3,10 @@
 
 #include <array>
 #include <cstddef>
+#include <span>
+#include <vector>
+
+#include "common/feature/hamming.h"
 
 namespace cairn {
 
@@ -21,6 +25,37 @@ void offer(SimilarList<kCount>& list, Similar found) {
   std::size_t at = kCount - 1;
   for (; at > 0 && found.distance < list[at - 1].distance; --at) list[at] = list[at - 1];
   list[at] = found;
+}
+
+template <std::size_t kCount>
+struct SimilarLists {
+  std::vector<SimilarList<kCount>> of_a, of_b;  // indices are of the other one's
+};
+
+// Distances from which on is_distinctive() and the like don't care how far: what is not distinctive
+// by a landmark as far as that is so by any further one.
+inline int distance_that_matters(int max_distance, float ratio) {
+  return static_cast<int>(static_cast<float>(max_distance) / ratio) + 1;
+}
+
+// Compares all of `a` with all of `b`; what differs in `limit` bits or more is left out. Millions
+// of comparisons: what is read in the inner loop lies side by side, and next to none passes the
+// limit.
+template <std::size_t kCount>
+SimilarLists<kCount> compare_all(std::span<const Descriptor> a, std::span<const Descriptor> b,
+                                 int limit) {
+  SimilarLists<kCount> lists{std::vector<SimilarList<kCount>>(a.size()),
+                             std::vector<SimilarList<kCount>>(b.size())};
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const Descriptor wanted = a[i];
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const int distance = hamming_distance(wanted, b[j]);
+      if (distance >= limit) continue;
+      offer(lists.of_a[i], {static_cast<int>(j), distance});
+      offer(lists.of_b[j], {static_cast<int>(i), distance});
+    }
+  }
+  return lists;
 }
 
 // The nearest is within `max_distance`, and within `ratio` times the nearest one elsewhere.

@@ -3,7 +3,6 @@
 #include <cmath>
 #include <unordered_set>
 
-#include "common/feature/hamming.h"
 #include "common/feature/matching.h"
 #include "server/verify/similar_list.h"
 
@@ -17,23 +16,11 @@ constexpr std::size_t kNearest = 3;
 constexpr float kSamePixels = 6;
 constexpr double kSamePlace = 0.03;
 
-using FoundList = SimilarList<kNearest>;
-
-struct Tables {
-  std::vector<FoundList> of_seen, of_feature;
-};
-
-Tables compare(const Features& features, const std::vector<SeenLandmark>& seen) {
-  Tables t{std::vector<FoundList>(seen.size()), std::vector<FoundList>(features.size())};
-  for (std::size_t i = 0; i < seen.size(); ++i) {
-    const Descriptor wanted = seen[i].landmark->descriptor;
-    for (std::size_t f = 0; f < features.size(); ++f) {
-      const int distance = hamming_distance(wanted, features.descriptors[f]);
-      offer(t.of_seen[i], {static_cast<int>(f), distance});
-      offer(t.of_feature[f], {static_cast<int>(i), distance});
-    }
-  }
-  return t;
+std::vector<Descriptor> descriptors_of(const std::vector<SeenLandmark>& seen) {
+  std::vector<Descriptor> all;
+  all.reserve(seen.size());
+  for (const SeenLandmark& s : seen) all.push_back(s.landmark->descriptor);
+  return all;
 }
 
 }  // namespace
@@ -67,16 +54,16 @@ std::vector<ViewMatch> match_view(const Keyframe& view, const std::vector<SeenLa
     const Eigen::Vector3d& q = seen[static_cast<std::size_t>(b)].landmark->position;
     return (p - q).norm() <= kSamePlace * (p - from).norm();
   };
-  const Tables tables = compare(view.features, seen);
+  const auto similar =
+      compare_all<kNearest>(descriptors_of(seen), view.features.descriptors,
+                            distance_that_matters(options.max_distance, options.ratio));
   std::vector<ViewMatch> matches;
   std::vector<float> turns;
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    if (!is_distinctive(tables.of_seen[i], options.max_distance, options.ratio, same_pixel))
-      continue;
-    const auto f = static_cast<std::size_t>(tables.of_seen[i][0].index);
-    if (tables.of_feature[f][0].index != static_cast<int>(i)) continue;
-    if (!is_distinctive(tables.of_feature[f], options.max_distance, options.ratio, same_place))
-      continue;
+    if (!is_distinctive(similar.of_a[i], options.max_distance, options.ratio, same_pixel)) continue;
+    const auto f = static_cast<std::size_t>(similar.of_a[i][0].index);
+    if (similar.of_b[f][0].index != static_cast<int>(i)) continue;
+    if (!is_distinctive(similar.of_b[f], options.max_distance, options.ratio, same_place)) continue;
     matches.push_back({seen[i].landmark, static_cast<std::uint16_t>(f)});
     turns.push_back(points[f].angle - seen[i].angle);
   }

@@ -103,10 +103,9 @@ TEST(LoopCloser, LeavesClientsApartThatSeeDifferentPlaces) {
 }
 
 // A run that goes on where it began, but believes to be a metre off: as after a long way.
-TEST(LoopCloser, ClosesALoopThatHasDrifted) {
+void come_back_drifted(Closing& run) {
   const SyntheticMap world({.keyframes = 10, .epoch = kFirst});
   const Rigid3 drift(so3_exp({0, 0.1, 0}), {1, 0, 0});
-  Closing run;
   run.add(world);
   SyntheticMap again({.keyframes = 5, .epoch = kFirst});
   for (std::size_t i = 0; i < again.keyframes.size(); ++i) {
@@ -126,8 +125,14 @@ TEST(LoopCloser, ClosesALoopThatHasDrifted) {
       }
     run.writer.submit(keyframe);
     run.closer->offer(keyframe->id);
+    run.closer->wait_idle();  // so that none waits while another is looked up
   }
   run.closer->close();
+}
+
+TEST(LoopCloser, ClosesALoopThatHasDrifted) {
+  Closing run;
+  come_back_drifted(run);
   const Snapshot map = run.writer.snapshot();
   EXPECT_EQ(run.closer->counters().loops, 1u);
   EXPECT_EQ(map->merge_epoch, 1u);
@@ -136,6 +141,21 @@ TEST(LoopCloser, ClosesALoopThatHasDrifted) {
              map->keyframes.at({kFirst, 2}).map_from_camera.translation)
                 .norm(),
             0.1);
+}
+
+// As it is while keyframes wait.
+TEST(LoopCloser, WithoutTimeForLoopsItStillMerges) {
+  LoopCloserOptions busy;
+  busy.most_in_own_part = 0;
+  Closing loops(busy);
+  come_back_drifted(loops);
+  EXPECT_EQ(loops.closer->counters().loops, 0u);
+
+  Closing merges(busy);
+  merges.add(SyntheticMap({.keyframes = 8, .epoch = kFirst}));
+  merges.add(SyntheticMap({.keyframes = 8, .epoch = kSecond, .start = 0.3}));
+  merges.closer->close();
+  EXPECT_EQ(merges.closer->counters().merges, 1u);
 }
 
 TEST(LoopCloser, BelievesOnlyWhatItsOptionsAskFor) {

@@ -83,7 +83,7 @@ TEST_F(LocalAdjusterTest, NeighboursShareASolve) {
 }
 
 TEST_F(LocalAdjusterTest, WaitsForCompanyWhileMoreKeyframesCome) {
-  LocalAdjuster adjuster(writer_, nothing, {.max_together = 4, .patience = std::chrono::hours(1)});
+  LocalAdjuster adjuster(writer_, nothing, {.max_together = 4});
   for (std::uint32_t k = 1; k <= 3; ++k) {
     adjuster.add(kf(k));
     EXPECT_THAT(adjuster.adjust(1).keyframes, IsEmpty());
@@ -92,21 +92,21 @@ TEST_F(LocalAdjusterTest, WaitsForCompanyWhileMoreKeyframesCome) {
   EXPECT_EQ(adjuster.adjust(1).keyframes.size(), 4u) << "enough of them";
 }
 
-TEST_F(LocalAdjusterTest, DoesNotWaitForEver) {
-  LocalAdjuster adjuster(writer_, nothing, {.patience = std::chrono::milliseconds(0)});
+TEST_F(LocalAdjusterTest, WaitsForNobodyOnceNoMoreCome) {
+  LocalAdjuster adjuster(writer_, nothing);
   adjuster.add(kf(3));
-  EXPECT_THAT(adjuster.adjust(1).keyframes, ElementsAre(kf(3)));
+  EXPECT_THAT(adjuster.adjust(1).keyframes, IsEmpty());
+  EXPECT_THAT(adjuster.adjust(0).keyframes, ElementsAre(kf(3)));
 }
 
 TEST_F(LocalAdjusterTest, UnderLoadWindowsAreSmaller) {
   std::vector<std::size_t> sizes;
-  LocalAdjuster adjuster(
-      writer_,
-      [&](const Map& map, const LocalWindow& window, std::stop_token) {
-        sizes.push_back(window.free_keyframes.size());
-        return MapDelta::based_on(map);
-      },
-      {.window = {.max_free = 8}, .patience = std::chrono::milliseconds(0), .thin_from = 4});
+  LocalAdjuster adjuster(writer_,
+                         [&](const Map& map, const LocalWindow& window, std::stop_token) {
+                           sizes.push_back(window.free_keyframes.size());
+                           return MapDelta::based_on(map);
+                         },
+                         {.window = {.max_free = 8}, .max_together = 1, .thin_from = 4});
   adjuster.add(kf(9));
   adjuster.adjust(3);
   adjuster.add(kf(10));
