@@ -78,4 +78,18 @@ Result<RecordedWalk> record_walk(const WalkOptions& options) {
   return walk;
 }
 
+RecordedWalk as_new_run(const RecordedWalk& walk, const std::string& name, std::uint64_t epoch) {
+  RecordedWalk run{name, {}, walk.truth};
+  for (const KeyframePtr& recorded : walk.keyframes) {
+    Keyframe keyframe = *recorded;
+    const std::uint64_t former = keyframe.id.epoch;
+    keyframe.id.epoch = epoch;
+    if (keyframe.reference.is_valid()) keyframe.reference.epoch = epoch;
+    for (LandmarkMatch& match : keyframe.matches)
+      if (match.landmark.origin == former) match.landmark.origin = epoch;
+    run.keyframes.push_back(std::make_shared<const Keyframe>(std::move(keyframe)));
+  }
+  return run;
+}
+
 }  // namespace cairn::bench

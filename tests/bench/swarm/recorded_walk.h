@@ -31,4 +31,7 @@ struct RecordedWalk {
 // Runs cairn-client unless the folder has the recording already. Error: it failed.
 Result<RecordedWalk> record_walk(const WalkOptions& options);
 
+// The same keyframes as another client's run would have them.
+RecordedWalk as_new_run(const RecordedWalk& walk, const std::string& name, std::uint64_t epoch);
+
 }  // namespace cairn::bench

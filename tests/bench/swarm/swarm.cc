@@ -7,7 +7,6 @@
 // client by itself, and all with one alignment), when the parts of the map were merged, what went
 // over the link, how long a keyframe's correction took and how many waited, and what the server
 // cost.
-#include <csignal>
 #include <cstdio>
 
 #include <algorithm>
@@ -20,20 +19,15 @@
 #include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
-#include "server/storage/map_file.h"
 #include "server/tool/evaluation.h"
+#include "tests/bench/swarm/bench_server.h"
+#include "tests/bench/swarm/overlap.h"
+#include "tests/bench/swarm/quantile.h"
 #include "tests/bench/swarm/recorded_walk.h"
 #include "tests/bench/swarm/replayed_client.h"
-#include "tests/bench/swarm/server_usage.h"
-#include "tests/integration/process.h"
-#include "tests/support/loopback.h"
-#include "tests/support/temp_folder.h"
 
 namespace cairn::bench {
 namespace {
-
-using std::chrono::seconds;
-using std::chrono::system_clock;
 
 struct Arguments {
   std::vector<int> clients{1, 2, 4, 8, 12};
@@ -45,13 +39,6 @@ struct Arguments {
   std::string log_level = "info";
 };
 
-double quantile(std::vector<double> values, double share) {
-  if (values.empty()) return NAN;
-  std::sort(values.begin(), values.end());
-  const auto last = static_cast<double>(values.size() - 1);
-  return values[static_cast<std::size_t>(std::ceil(share * last))];
-}
-
 struct Outcome {
   std::vector<ReplayResult> clients;
   Usage usage;
@@ -60,71 +47,24 @@ struct Outcome {
   Map map;
 };
 
-// When the log first says that parts were merged.
-std::optional<system_clock::time_point> first_merge(const std::string& log) {
-  const auto at = log.find("parts merged");
-  if (at == std::string::npos) return std::nullopt;
-  const auto line = log.rfind('\n', at) + 1;
-  std::tm utc{};
-  if (!strptime(log.substr(line, 19).c_str(), "%Y-%m-%dT%H:%M:%S", &utc)) return std::nullopt;
-  return system_clock::from_time_t(timegm(&utc)) +
-         std::chrono::milliseconds(std::stoi(log.substr(line + 20, 3)));
-}
-
-// When two clients first had keyframes that show the same place: in the final map they share a
-// hundred landmarks.
-std::optional<system_clock::time_point> first_overlap(const Outcome& outcome) {
-  constexpr int kEnough = 100;
-  std::map<KeyframeId, system_clock::time_point> sent;
-  for (const ReplayResult& client : outcome.clients)
-    sent.insert(client.sent.begin(), client.sent.end());
-  std::optional<system_clock::time_point> first;
-  outcome.map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
-    for (const Covisible& c : node.covisible) {
-      if (c.shared < kEnough || c.keyframe.epoch == id.epoch) continue;
-      const auto both = std::max(sent.at(id), sent.at(c.keyframe));
-      if (!first || both < *first) first = both;
-    }
-  });
-  return first;
-}
-
-int merges_in(const std::string& log) {
-  int count = 0;
-  for (auto at = log.find("parts merged"); at != std::string::npos;
-       at = log.find("parts merged", at + 1))
-    ++count;
-  return count;
-}
-
-Result<Map> load_map(const std::string& path) {
-  Result<std::unique_ptr<MapFile>> file = MapFile::open(path);
-  if (!file) return file.error();
-  Result<std::optional<Map>> map = (*file)->load_map();
-  if (!map) return map.error();
-  if (!*map) return {ErrorCode::kInternal, "the server has saved no map"};
-  return std::move(**map);
+// Seconds; "-" where there is no such delay.
+std::string delay(const std::optional<WallTime>& from, const std::optional<WallTime>& to) {
+  if (!from || !to) return "-";
+  return fmt::format("{:.1f}", std::chrono::duration<double>(*to - *from).count());
 }
 
 Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<RecordedWalk>& walks) {
-  const synthetic::TempFolder folder;
-  const testing::Loopback net;
-  const auto node = net.node();
-  testing::Process server(std::string(CAIRN_BINARY_DIR) + "/cairn-server",
-                          {"--map", folder / "map.db", "--domain", std::to_string(node.domain),
-                           "--log-level", arguments.log_level},
-                          {"CYCLONEDDS_URI=" + node.config}, folder / "server");
-  if (!server.wait_for_log("ready: ", seconds(60)))
-    return {ErrorCode::kUnavailable, "cairn-server does not start: " + server.err()};
+  auto server = BenchServer::start({"--log-level", arguments.log_level});
+  if (!server) return server.error();
   std::vector<std::unique_ptr<ReplayedClient>> clients;
   for (const RecordedWalk& walk : walks) {
-    auto client =
-        ReplayedClient::make(walk, arguments.keyframes_per_s, folder / walk.name, net.node());
+    auto client = ReplayedClient::make(walk, arguments.keyframes_per_s, (*server)->file(walk.name),
+                                       (*server)->node());
     if (!client) return client.error();
     clients.push_back(std::move(*client));
   }
-  std::this_thread::sleep_for(seconds(1));  // until they have found each other
-  const Usage before = usage_of(server.pid());
+  std::this_thread::sleep_for(std::chrono::seconds(1));  // until they have found each other
+  const Usage before = (*server)->usage();
   const auto started = std::chrono::steady_clock::now();
   for (std::size_t i = 0; i < clients.size(); ++i)
     clients[i]->start(std::chrono::nanoseconds(static_cast<std::int64_t>(
@@ -134,13 +74,11 @@ Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<Recorded
   for (const auto& client : clients) outcome.clients.push_back(client->finish());
   outcome.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
-  outcome.usage = usage_of(server.pid());
+  outcome.usage = (*server)->usage();
   outcome.usage.cpu_s -= before.cpu_s;
-  server.signal(SIGTERM);
-  if (server.wait(seconds(60)) != 0)
-    return {ErrorCode::kTimeout, "the server does not come to an end: " + server.err()};
-  outcome.log = server.err();
-  Result<Map> map = load_map(folder / "map.db");
+  if (Status s = (*server)->stop(); !s) return s.error();
+  outcome.log = (*server)->log();
+  Result<Map> map = (*server)->map();
   if (!map) return map.error();
   outcome.map = std::move(*map);
   return outcome;
@@ -185,18 +123,17 @@ void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
     settled = settled && client.settled;
   }
   const auto count = static_cast<double>(walks.size());
-  const auto merged = first_merge(outcome.log);
-  const auto overlap = first_overlap(outcome);
-  // Before it: the keyframes that overlapped first have been culled since.
-  const std::string merge_delay =
-      merged && overlap && *merged >= *overlap
-          ? fmt::format("{:.1f}", std::chrono::duration<double>(*merged - *overlap).count())
-          : "-";
+  const Meetings met = find_meetings(walks, outcome.clients);
+  const std::vector<WallTime> merges = merges_in(outcome.log);
+  const bool one_map = merges.size() + 1 == walks.size();
+  std::optional<WallTime> first, last;
+  if (!merges.empty()) first = merges.front();
+  if (one_map && !merges.empty()) last = merges.back();
   fmt::print(
-      "| {} | {:.1f} | {} | {} | {:.4f}-{:.4f} | {:.4f} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | "
+      "| {} | {:.1f} | {} | {}, {} | {:.4f}-{:.4f} | {:.4f} | {:.0f} | {:.0f} | {:.0f} | {:.0f} | "
       "{}, {} | {:.0f} | {:.0f} | {} |\n",
-      walks.size(), keyframes, merges_in(outcome.log), merge_delay, errors.least, errors.most,
-      errors.joint, up / count, down / count, quantile(corrections, 0.5),
+      walks.size(), keyframes, merges.size(), delay(met.first, first), delay(met.all, last),
+      errors.least, errors.most, errors.joint, up / count, down / count, quantile(corrections, 0.5),
       quantile(corrections, 0.95), early, late, 100 * outcome.usage.cpu_s / outcome.seconds,
       outcome.usage.memory_mb, settled ? "yes" : "no");
 }
@@ -220,7 +157,10 @@ int run(const Arguments& arguments) {
   }
   fmt::print(
       "Scene {}, {} frames a client, replayed at {} keyframes a second each. ATE of the keyframes; "
-      "merged: seconds from the first overlap to the first merge; correction: from a keyframe sent "
+      "merged: seconds from when two clients had seen the same place to the first merge, and from "
+      "when "
+      "that connected all of them to the last one (before it, where less overlap was enough); "
+      "correction: from a keyframe sent "
       "to the update that has it mapped; waiting: most of one client's keyframes in the first and "
       "in the second half; CPU in percent of one processor.\n\n"
       "| clients | keyframes/s | merges | merged s | ATE each m | joint m | up kB/s | down kB/s | "
