@@ -5,6 +5,7 @@
 
 #include "common/util/clock.h"
 #include "common/util/log.h"
+#include "common/util/memory.h"
 #include "common/util/thread.h"
 #include "server/map/connected.h"
 
@@ -99,6 +100,7 @@ bool GlobalAdjuster::adjust(const Request& request, std::stop_token stop) {
     Stopwatch watch;
     GlobalBaSummary summary;
     MapDelta delta = solve_global_ba(*map, request.part_of, options_, &summary, stop);
+    release_free_memory();  // of the solver: some 700 bytes an observation
     log::info(
         "global BA: {} keyframes, {} landmarks, cost {:.0f} -> {:.0f}, {} outliers, {:.0f} ms: {}",
         summary.keyframes, summary.landmarks, summary.initial_cost, summary.final_cost,
