@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "common/util/parallel.h"
 #include "server/storage/map_codec.h"
 #include "server/storage/map_connect.h"
 #include "server/storage/map_file_parts.h"
@@ -31,21 +32,51 @@ Status for_each_row(Database& database, std::string_view sql, Read&& read) {
   return row ? Status{} : Status(row.error());
 }
 
+// A row of a keyframe, before it is made sense of.
+struct KeyframeRow {
+  KeyframeId id;
+  wire::Blob estimate, measurement;
+};
+
+Result<KeyframeNode> decode(const KeyframeRow& row) {
+  KeyframeNode node;
+  const auto decoded = storage::decode_keyframe(row.measurement, row.id);
+  if (!decoded) return decoded.error();
+  node.keyframe = decoded->keyframe;
+  if (!storage::decode(row.estimate, node)) return corrupt("a pose is unreadable");
+  return node;
+}
+
+Status insert_all(const std::vector<KeyframeRow>& rows, Map& map) {
+  std::vector<Result<KeyframeNode>> nodes(rows.size(), corrupt("a keyframe was not read"));
+  for_each_index(rows.size(), [&](std::size_t i) { nodes[i] = decode(rows[i]); });
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!nodes[i]) return nodes[i].error();
+    map.keyframes.insert(rows[i].id, std::move(*nodes[i]));
+  }
+  return {};
+}
+
+// Unpacking descriptors is most of what loading costs, and needs no order: on all processors, some
+// megabytes at a time.
 Status load_keyframes(Database& database, Map& map) {
-  return for_each_row(database,
-                      "SELECT origin, number, data, blob FROM nodes"
-                      " LEFT JOIN keyframes ON epoch = origin AND sequence = number",
-                      [&](const Statement& row) -> Status {
-                        const KeyframeId id = keyframe_at(row);
-                        const auto decoded = storage::decode_keyframe(row.blob(3), id);
-                        if (!decoded) return decoded.error();
-                        KeyframeNode node;
-                        node.keyframe = decoded->keyframe;
-                        if (!storage::decode(row.blob(2), node))
-                          return corrupt("a pose is unreadable");
-                        map.keyframes.insert(id, std::move(node));
-                        return {};
-                      });
+  constexpr std::size_t kTogether = 256;
+  std::vector<KeyframeRow> rows;
+  const Status read = for_each_row(database,
+                                   "SELECT origin, number, data, blob FROM nodes"
+                                   " LEFT JOIN keyframes ON epoch = origin AND sequence = number",
+                                   [&](const Statement& row) -> Status {
+                                     const wire::Bytes estimate = row.blob(2),
+                                                       measurement = row.blob(3);
+                                     rows.push_back({keyframe_at(row),
+                                                     {estimate.begin(), estimate.end()},
+                                                     {measurement.begin(), measurement.end()}});
+                                     if (rows.size() < kTogether) return {};
+                                     const Status inserted = insert_all(rows, map);
+                                     rows.clear();
+                                     return inserted;
+                                   });
+  return read ? insert_all(rows, map) : read;
 }
 
 Status load_landmarks(Database& database, Map& map) {
