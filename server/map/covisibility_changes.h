@@ -34,12 +34,15 @@ class CovisibilityChanges {
   template <typename F>
   void take(F&& f) {
     std::vector<std::pair<KeyframeId, std::size_t>> order(numbers_.begin(), numbers_.end());
+    std::vector<KeyframeId> ids(order.size());
+    for (const auto& [id, a] : order) ids[a] = id;
     std::sort(order.begin(), order.end());
     std::vector<std::pair<KeyframeId, int>> changes;
     for (const auto& [id, a] : order) {
       changes.clear();
-      for (const auto& [other, b] : order)
-        if (b < rows_[a].size() && rows_[a][b] != 0) changes.emplace_back(other, rows_[a][b]);
+      for (std::size_t b = 0; b < rows_[a].size(); ++b)
+        if (rows_[a][b] != 0) changes.emplace_back(ids[b], rows_[a][b]);
+      std::sort(changes.begin(), changes.end());
       if (!changes.empty()) f(id, changes);
     }
     numbers_.clear();
@@ -53,7 +56,7 @@ class CovisibilityChanges {
     return entry->second;
   }
   int& at(std::size_t a, std::size_t b) {
-    if (rows_[a].size() <= b) rows_[a].resize(numbers_.size());
+    if (rows_[a].size() <= b) rows_[a].resize(b + 1);
     return rows_[a][b];
   }
 

@@ -23,6 +23,7 @@
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
 #include "server/map/cow_table.h"
+#include "server/map/cow_vector.h"
 
 namespace cairn {
 
@@ -45,12 +46,12 @@ struct KeyframeNode {
   // How large the keyframe's own unit is in the map's (Keyframe): 1 unless loops or merges have
   // changed the scale here since its client made it.
   double unit = 1;
-  std::vector<LandmarkId> landmarks;  // one a feature; not valid where the feature shows none
-  std::vector<Covisible> covisible;   // strongest first, ties by id
-  KeyframeId parent;                  // spanning tree; not valid for a root
-  std::vector<KeyframeId> children;   // ascending
-  std::uint64_t arrival = 0;          // revision of the map with which it came
-  std::uint64_t revision = 0;         // of the map when the pose changed last
+  CowVector<LandmarkId> landmarks;   // one a feature; not valid where the feature shows none
+  CowVector<Covisible> covisible;    // strongest first, ties by id
+  KeyframeId parent;                 // spanning tree; not valid for a root
+  std::vector<KeyframeId> children;  // ascending
+  std::uint64_t arrival = 0;         // revision of the map with which it came
+  std::uint64_t revision = 0;        // of the map when the pose changed last
 
   // Takes what the client measured in this camera, in the keyframe's own unit, to map.
   Sim3 scaled_pose() const { return {map_from_camera.rotation, map_from_camera.translation, unit}; }

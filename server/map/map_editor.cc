@@ -24,6 +24,14 @@ void change_shared(std::vector<Covisible>& list, KeyframeId other, int change) {
   if (it->shared == 0) list.erase(it);
 }
 
+// Strongest first. Few have changed, and by little: each goes to its place among those before it.
+void restore_order(std::vector<Covisible>& list) {
+  for (auto it = list.begin(); it != list.end(); ++it) {
+    if (it == list.begin() || !stronger(*it, *(it - 1))) continue;
+    std::rotate(std::upper_bound(list.begin(), it, *it, stronger), it, it + 1);
+  }
+}
+
 }  // namespace
 
 MapEditor::MapEditor(Map& map) : map_(map) {
@@ -35,7 +43,7 @@ void MapEditor::insert_keyframe(KeyframePtr keyframe, const Sim3& map_from_camer
   KeyframeNode node;
   node.map_from_camera = map_from_camera.pose();
   node.unit = map_from_camera.scale;
-  node.landmarks.resize(keyframe->features.size());
+  node.landmarks.edit().resize(keyframe->features.size());
   node.arrival = node.revision = map_.revision;
   node.keyframe = std::move(keyframe);
   map_.keyframes.insert(id, std::move(node));
@@ -118,7 +126,7 @@ bool MapEditor::add_observation(LandmarkId id, const Observation& observation) {
 void MapEditor::attach(Landmark& landmark, const Observation& observation) {
   covisibility_.add(observation.keyframe, landmark.observations, +1);
   landmark.observations.push_back(observation);
-  map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = landmark.id;
+  map_.keyframes.edit(observation.keyframe)->landmarks.edit()[observation.feature] = landmark.id;
   touch(landmark.id, Touch::kObservations);
 }
 
@@ -131,7 +139,7 @@ bool MapEditor::remove_observation(LandmarkId id, const Observation& observation
 
   Landmark& landmark = *map_.landmarks.edit(id);
   landmark.observations.erase(landmark.observations.begin() + at);
-  map_.keyframes.edit(observation.keyframe)->landmarks[observation.feature] = LandmarkId{};
+  map_.keyframes.edit(observation.keyframe)->landmarks.edit()[observation.feature] = LandmarkId{};
   covisibility_.add(observation.keyframe, landmark.observations, -1);
   if (landmark.observations.empty()) {
     touched_.erase(id);
@@ -216,9 +224,9 @@ void MapEditor::touch(LandmarkId id, Touch what) {
 
 void MapEditor::update_covisibility() {
   covisibility_.take([&](KeyframeId id, const auto& changes) {
-    std::vector<Covisible>& list = map_.keyframes.edit(id)->covisible;
+    std::vector<Covisible>& list = map_.keyframes.edit(id)->covisible.edit();
     for (const auto& [other, change] : changes) change_shared(list, other, change);
-    std::sort(list.begin(), list.end(), stronger);
+    restore_order(list);
   });
 }
 

@@ -31,7 +31,7 @@ Status connect_landmarks(Map& map) {
         return contradiction("a landmark is seen by a keyframe that is not there");
       if (node->landmarks[seen.feature].is_valid())
         return contradiction("one feature shows two landmarks");
-      node->landmarks[seen.feature] = id;
+      node->landmarks.edit()[seen.feature] = id;
       reference_sees |= seen.keyframe == landmark.reference;
     }
     if (!reference_sees) return contradiction("a landmark's reference keyframe does not see it");
@@ -46,12 +46,12 @@ void connect_covisible(Map& map, KeyframeNode& node) {
     for (const Observation& seen : map.landmarks.at(id).observations) ++shared[seen.keyframe];
   }
   shared.erase(node.keyframe->id);
-  node.covisible.clear();
-  for (const auto& [keyframe, count] : shared) node.covisible.push_back({keyframe, count});
-  std::sort(node.covisible.begin(), node.covisible.end(),
-            [](const Covisible& a, const Covisible& b) {
-              return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
-            });
+  std::vector<Covisible> covisible;
+  for (const auto& [keyframe, count] : shared) covisible.push_back({keyframe, count});
+  std::sort(covisible.begin(), covisible.end(), [](const Covisible& a, const Covisible& b) {
+    return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
+  });
+  node.covisible = std::move(covisible);
 }
 
 Status connect_tree(Map& map, const std::vector<KeyframeId>& keyframes) {
@@ -100,7 +100,7 @@ Status connect(Map& map) {
   const std::vector<KeyframeId> keyframes = map.keyframes.sorted_keys();
   for (const KeyframeId id : keyframes) {
     KeyframeNode& node = *map.keyframes.edit(id);
-    node.landmarks.assign(node.features().size(), LandmarkId{});
+    node.landmarks.edit().assign(node.features().size(), LandmarkId{});
     node.children.clear();
   }
   if (Status status = connect_landmarks(map); !status) return status;

@@ -124,7 +124,7 @@ class RingWorld {
       if (k + 1 < options.keyframes) node.children = {id(k + 1)};
       for (int d = 1; d <= 4; ++d)
         for (const int other : {k - d, k + d})
-          if (other >= 0 && other < options.keyframes) node.covisible.push_back({id(other), 120});
+          if (other >= 0 && other < options.keyframes) node.covisible.edit().push_back({id(other), 120});
       node.keyframe = keyframes_[index];
       node.arrival = ++map.revision;
       map.keyframes.insert(id(k), std::move(node));

@@ -211,8 +211,8 @@ Map long_map(std::uint32_t keyframes) {
     KeyframeNode node;
     for (std::uint32_t step = 1; step <= 15; ++step) {
       const int shared = 200 - 13 * static_cast<int>(step);
-      if (k >= step) node.covisible.push_back({{1, k - step}, shared});
-      if (k + step < keyframes) node.covisible.push_back({{1, k + step}, shared});
+      if (k >= step) node.covisible.edit().push_back({{1, k - step}, shared});
+      if (k + step < keyframes) node.covisible.edit().push_back({{1, k + step}, shared});
     }
     if (k > 0) node.parent = {1, k - 1};
     map.keyframes.insert({1, k}, std::move(node));

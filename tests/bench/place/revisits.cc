@@ -25,7 +25,7 @@ class Mapper {
          sequence > 0 && seconds(id, {id.epoch, sequence - 1}) <= scenery_.apart_s(); --sequence) {
       const KeyframeId other{id.epoch, sequence - 1};
       const int shared = static_cast<int>(300 * overlap_of(id, other));
-      if (shared > 0) node.covisible.push_back({other, shared});
+      if (shared > 0) node.covisible.edit().push_back({other, shared});
     }
     for (const Covisible& c : node.covisible) link(c.keyframe, {id, c.shared});
     std::stable_sort(node.covisible.begin(), node.covisible.end(), stronger);
@@ -55,7 +55,7 @@ class Mapper {
     return scenery_.overlap_of(place_of(a), place_of(b));
   }
   void link(KeyframeId id, const Covisible& to) {
-    auto& list = map_.keyframes.edit(id)->covisible;
+    auto& list = map_.keyframes.edit(id)->covisible.edit();
     list.insert(std::upper_bound(list.begin(), list.end(), to, stronger), to);
   }
 

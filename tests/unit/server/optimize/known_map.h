@@ -28,7 +28,7 @@ inline Map known_map(const SyntheticMap& world, std::size_t max_observations = 0
     KeyframeNode node;
     node.keyframe = world.keyframes[k];
     node.map_from_camera = world.map_from_camera[k];
-    node.landmarks.resize(node.features().size());
+    node.landmarks.edit().resize(node.features().size());
     for (std::size_t f = 0; f < node.features().size(); ++f) {
       const int point = world.point_of[k][f];
       Landmark& landmark = landmarks[static_cast<std::size_t>(point)];

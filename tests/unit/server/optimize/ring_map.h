@@ -59,8 +59,8 @@ class RingMap {
       if (k > 0) node.parent = id(k - 1);
       if (k + 1 < options.keyframes) node.children = {id(k + 1)};
       for (int d = 1; d <= options.covisible; ++d) {
-        if (k >= d) node.covisible.push_back({id(k - d), 150});
-        if (k + d < options.keyframes) node.covisible.push_back({id(k + d), 150});
+        if (k >= d) node.covisible.edit().push_back({id(k - d), 150});
+        if (k + d < options.keyframes) node.covisible.edit().push_back({id(k + d), 150});
       }
       Landmark l;
       l.id = landmark(k);

@@ -24,8 +24,8 @@ class LoopCandidatesTest : public testing::Test {
       KeyframeNode node;
       for (std::uint32_t step = 1; step <= 3; ++step) {
         const int shared = step == 1 ? 100 : step == 2 ? 50 : 20;
-        if (k >= step) node.covisible.push_back({kf(k - step, epoch), shared});
-        if (k + step < size) node.covisible.push_back({kf(k + step, epoch), shared});
+        if (k >= step) node.covisible.edit().push_back({kf(k - step, epoch), shared});
+        if (k + step < size) node.covisible.edit().push_back({kf(k + step, epoch), shared});
       }
       if (k > 0) node.parent = kf(k - 1, epoch);
       if (k + 1 < size) node.children = {kf(k + 1, epoch)};
@@ -85,7 +85,7 @@ TEST_F(LoopCandidatesTest, TakesNothingLessAlikeThanItsNeighbours) {
   // 0.8 of the least, one with 2 above half of the bar of 0.4.
   CandidateOptions strict{.bar_share = 1.0, .bar_neighbours = 3};
   index_.add(kf(3), look_of(1000));
-  map_.keyframes.edit(kf(3))->covisible.clear();
+  map_.keyframes.edit(kf(3))->covisible.edit().clear();
   Words half = look_of(3 * 20);
   for (auto& w : half.bag)
     if (w.word % 10 < 7) w.word += 5000;

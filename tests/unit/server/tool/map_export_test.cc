@@ -35,7 +35,7 @@ void add_keyframe(Map& map, const std::shared_ptr<const Rig>& shared_rig, Keyfra
   for (const auto& [x, landmark] : seen) {
     keyframe->features.points.push_back({.x = x, .y = 240});
     keyframe->features.descriptors.push_back({});
-    node.landmarks.push_back(landmark);
+    node.landmarks.edit().push_back(landmark);
   }
   node.keyframe = keyframe;
   node.map_from_camera.translation = position;
