@@ -37,6 +37,7 @@ class CowVector {
   const T& front() const { return get().front(); }
   auto begin() const { return get().begin(); }
   auto end() const { return get().end(); }
+  friend bool operator==(const CowVector& a, const CowVector& b) { return a.get() == b.get(); }
 
  private:
   CowPtr<std::vector<T>> elements_;

@@ -114,7 +114,7 @@ class RingWorld {
       KeyframeNode node;
       node.landmarks = sees_[index];
       // A sight of a landmark that came to nothing.
-      for (LandmarkId& l : node.landmarks)
+      for (LandmarkId& l : node.landmarks.edit())
         if (!map.landmarks.contains(l)) l = {};
       Eigen::Matrix<double, 6, 1> delta = Eigen::Matrix<double, 6, 1>::Zero();
       for (int i = 0; k > 0 && i < 6; ++i)
@@ -124,7 +124,8 @@ class RingWorld {
       if (k + 1 < options.keyframes) node.children = {id(k + 1)};
       for (int d = 1; d <= 4; ++d)
         for (const int other : {k - d, k + d})
-          if (other >= 0 && other < options.keyframes) node.covisible.edit().push_back({id(other), 120});
+          if (other >= 0 && other < options.keyframes)
+            node.covisible.edit().push_back({id(other), 120});
       node.keyframe = keyframes_[index];
       node.arrival = ++map.revision;
       map.keyframes.insert(id(k), std::move(node));

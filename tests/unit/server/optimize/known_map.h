@@ -36,7 +36,7 @@ inline Map known_map(const SyntheticMap& world, std::size_t max_observations = 0
       const bool wrong = wrong_every != 0 && ++count % wrong_every == 0;
       const std::size_t feature = wrong ? (f + 1) % node.features().size() : f;
       landmark.observations.push_back({node.keyframe->id, static_cast<std::uint16_t>(feature)});
-      node.landmarks[f] = landmark_of_point(point);
+      node.landmarks.edit()[f] = landmark_of_point(point);
     }
     const KeyframeId id = node.keyframe->id;
     map.keyframes.insert(id, std::move(node));
