@@ -1,6 +1,7 @@
 #include "server/mapping/local_adjuster.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/util/clock.h"
@@ -9,9 +10,15 @@
 namespace cairn {
 namespace {
 
-LocalWindowOptions half(LocalWindowOptions window) {
-  window.max_free = std::max<std::size_t>(window.max_free / 2, 1);
-  window.max_fixed = std::max<std::size_t>(window.max_fixed / 2, 1);
+LocalWindowOptions thinned(LocalWindowOptions window, std::size_t backlog, std::size_t from) {
+  constexpr double kLeast = 0.25;
+  if (backlog <= from) return window;
+  const double share = std::max(kLeast, static_cast<double>(from) / static_cast<double>(backlog));
+  const auto thin = [&](std::size_t count) {
+    return static_cast<std::size_t>(std::ceil(share * static_cast<double>(count)));
+  };
+  window.max_free = thin(window.max_free);
+  window.max_fixed = thin(window.max_fixed);
   return window;
 }
 
@@ -53,7 +60,7 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
   std::lock_guard lock(mutex_);
   if (waiting_.empty() || (more_coming > 0 && waiting_.size() < options_.max_together)) return {};
   Claim claim;
-  claim.window = more_coming >= options_.thin_from ? half(options_.window) : options_.window;
+  claim.window = thinned(options_.window, more_coming + waiting_.size() - 1, options_.thin_from);
   const Snapshot map = writer_.snapshot();
   std::set<std::uint64_t> passed_over;  // runs: their keyframes are served in order
   for (const KeyframeId id : waiting_) {

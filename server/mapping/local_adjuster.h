@@ -35,7 +35,8 @@ struct LocalAdjusterOptions {
   LocalWindowOptions window = {};
   CullOptions cull = {};
   std::size_t max_together = 6;  // keyframes that one solve serves
-  // From so many on that wait for the steps before, windows are half as large.
+  // While more keyframes than this wait, for the steps before or here, windows are smaller: by as
+  // much as there are more, down to a quarter.
   std::size_t thin_from = 4;
 };
 

@@ -37,6 +37,7 @@ struct Arguments {
   std::filesystem::path recordings = "build/bench/swarm";
   std::string keep_log;  // empty: not kept
   std::string log_level = "info";
+  std::string config;  // of the server; empty: the defaults
 };
 
 struct Outcome {
@@ -54,7 +55,9 @@ std::string delay(const std::optional<WallTime>& from, const std::optional<WallT
 }
 
 Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<RecordedWalk>& walks) {
-  auto server = BenchServer::start({"--log-level", arguments.log_level});
+  std::vector<std::string> options{"--log-level", arguments.log_level};
+  if (!arguments.config.empty()) options.insert(options.end(), {"--config", arguments.config});
+  auto server = BenchServer::start(options);
   if (!server) return server.error();
   std::vector<std::unique_ptr<ReplayedClient>> clients;
   for (const RecordedWalk& walk : walks) {
@@ -196,6 +199,7 @@ int main(int argc, char** argv) {
   app.add_option("--keep-log", arguments.keep_log,
                  "Write the server's log to this file, .N behind");
   app.add_option("--log-level", arguments.log_level, "Of the server")->capture_default_str();
+  app.add_option("--config", arguments.config, "Of the server");
   CLI11_PARSE(app, argc, argv);
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   return cairn::bench::run(arguments);

@@ -107,11 +107,11 @@ TEST_F(LocalAdjusterTest, UnderLoadWindowsAreSmaller) {
                            return MapDelta::based_on(map);
                          },
                          {.window = {.max_free = 8}, .max_together = 1, .thin_from = 4});
-  adjuster.add(kf(9));
-  adjuster.adjust(3);
-  adjuster.add(kf(10));
-  adjuster.adjust(4);
-  EXPECT_THAT(sizes, ElementsAre(8u, 4u));
+  for (const std::size_t more : {4, 8, 100}) {
+    adjuster.add(kf(12));
+    adjuster.adjust(more);
+  }
+  EXPECT_THAT(sizes, ElementsAre(8u, 4u, 2u));
 }
 
 TEST_F(LocalAdjusterTest, AKeyframeThatIsGoneCountsAsMapped) {
