@@ -28,7 +28,8 @@ class Mapper {
       if (shared > 0) node.covisible.edit().push_back({other, shared});
     }
     for (const Covisible& c : node.covisible) link(c.keyframe, {id, c.shared});
-    std::stable_sort(node.covisible.begin(), node.covisible.end(), stronger);
+    auto& list = node.covisible.edit();
+    std::stable_sort(list.begin(), list.end(), stronger);
     if (id.sequence > 0) node.parent = {id.epoch, id.sequence - 1};
     map_.keyframes.insert(id, std::move(node));
     known_.push_back(id);
