@@ -138,7 +138,7 @@ KnownMap side_by_side(const KnownMap& a, const KnownMap& b) {
     return id;
   };
   b.map.keyframes.for_each([&](KeyframeId id, KeyframeNode node) {
-    for (LandmarkId& landmark : node.landmarks) landmark = renamed(landmark);
+    for (LandmarkId& landmark : node.landmarks.edit()) landmark = renamed(landmark);
     both.map.keyframes.insert(id, std::move(node));
   });
   b.map.landmarks.for_each([&](LandmarkId id, Landmark landmark) {
