@@ -84,7 +84,7 @@ void global_ba_bare(benchmark::State& state) {
   state.counters["initial_cost"] = summary.initial_cost;
   state.counters["final_cost"] = summary.final_cost;
   state.counters["rmse_mm"] = 1000 * world.error([&](KeyframeId id) {
-    const double* t = &problem.translations[std::size_t{3} * id.sequence];
+    const double* t = problem.translation(id.sequence);
     return Rigid3{Eigen::Quaterniond::Identity(), {t[0], t[1], t[2]}};
   });
 }

@@ -17,8 +17,8 @@ inline bare::Problem bare_problem(const RingWorld& world) {
   problem.fx_baseline = camera.fx * camera.baseline;
   for (int k = 0; k < world.options.keyframes; ++k) {
     const Rigid3& pose = world.map.keyframes.at(RingWorld::id(k)).map_from_camera;
-    for (int i = 0; i < 4; ++i) problem.rotations.push_back(pose.rotation.coeffs()[i]);
-    for (int i = 0; i < 3; ++i) problem.translations.push_back(pose.translation[i]);
+    for (int i = 0; i < 4; ++i) problem.poses.push_back(pose.rotation.coeffs()[i]);
+    for (int i = 0; i < 3; ++i) problem.poses.push_back(pose.translation[i]);
   }
   for (const LandmarkId id : world.map.landmarks.sorted_keys()) {
     const Landmark& landmark = world.map.landmarks.at(id);

@@ -1,7 +1,6 @@
 #include "tests/unit/server/optimize/bare_ba.h"
 
 #include <algorithm>
-#include <functional>
 
 #include <ceres/ceres.h>
 
@@ -13,9 +12,9 @@ struct Error {
   const Observation* seen;
 
   template <typename T>
-  bool operator()(const T* rotation, const T* translation, const T* point, T* errors) const {
-    const Eigen::Map<const Eigen::Quaternion<T>> q(rotation);
-    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> t(translation), x(point);
+  bool operator()(const T* pose, const T* point, T* errors) const {
+    const Eigen::Map<const Eigen::Quaternion<T>> q(pose);
+    const Eigen::Map<const Eigen::Matrix<T, 3, 1>> t(pose + 4), x(point);
     const Eigen::Matrix<T, 3, 1> p = q.conjugate() * Eigen::Matrix<T, 3, 1>(x - t);
     errors[0] = problem->fx * p.x() / p.z() + problem->cx - seen->u;
     errors[1] = problem->fy * p.y() / p.z() + problem->cy - seen->v;
@@ -34,7 +33,7 @@ Matrix3 cross_matrix(const Eigen::Vector3d& v) {
 
 // The same errors. With u = -(x y z) of the quaternion and d = point - translation, the point in
 // the camera is p = d + 2 w (u x d) + 2 u x (u x d).
-class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
+class AnalyticError final : public ceres::SizedCostFunction<3, 7, 3> {
  public:
   AnalyticError(const Problem* problem, const Observation* seen) : problem_(problem), seen_(seen) {}
 
@@ -42,8 +41,8 @@ class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
                 double** jacobians) const override {
     const double w = parameters[0][3];
     const Eigen::Vector3d u = -Eigen::Map<const Eigen::Vector3d>(parameters[0]);
-    const Eigen::Vector3d d = Eigen::Map<const Eigen::Vector3d>(parameters[2]) -
-                              Eigen::Map<const Eigen::Vector3d>(parameters[1]);
+    const Eigen::Vector3d d = Eigen::Map<const Eigen::Vector3d>(parameters[1]) -
+                              Eigen::Map<const Eigen::Vector3d>(parameters[0] + 4);
     const Eigen::Vector3d ud = u.cross(d);
     const Eigen::Vector3d p = d + 2 * w * ud + 2 * u.cross(ud);
     const double fx = problem_->fx, fy = problem_->fy, inv_z = 1 / p.z();
@@ -58,17 +57,16 @@ class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
         0, 0, -problem_->fx_baseline * inv_z * inv_z;
     const Matrix3 cross_u = cross_matrix(u);
     const Matrix3 turn = Matrix3::Identity() + 2 * w * cross_u + 2 * cross_u * cross_u;
-    if (jacobians[0]) {
-      Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> by_rotation(jacobians[0]);
-      const Matrix3 cross_d = cross_matrix(d);
-      by_rotation.leftCols<3>() =
-          by_p * (2 * w * cross_d + 2 * cross_matrix(ud) + 2 * cross_u * cross_d);
-      by_rotation.col(3) = by_p * (2 * ud);
-    }
     const Matrix3 by_point = by_p * turn;
-    if (jacobians[1])
-      std::transform(by_point.data(), by_point.data() + 9, jacobians[1], std::negate());
-    if (jacobians[2]) std::copy_n(by_point.data(), 9, jacobians[2]);
+    if (jacobians[0]) {
+      Eigen::Map<Eigen::Matrix<double, 3, 7, Eigen::RowMajor>> by_pose(jacobians[0]);
+      const Matrix3 cross_d = cross_matrix(d);
+      by_pose.leftCols<3>() =
+          by_p * (2 * w * cross_d + 2 * cross_matrix(ud) + 2 * cross_u * cross_d);
+      by_pose.col(3) = by_p * (2 * ud);
+      by_pose.rightCols<3>() = -by_point;
+    }
+    if (jacobians[1]) std::copy_n(by_point.data(), 9, jacobians[1]);
     return true;
   }
 
@@ -80,7 +78,7 @@ class AnalyticError final : public ceres::SizedCostFunction<3, 4, 3, 3> {
 ceres::CostFunction* make_cost(const Problem& problem, const Observation& seen,
                                Derivatives derivatives) {
   if (derivatives == Derivatives::kAnalytic) return new AnalyticError(&problem, &seen);
-  return new ceres::AutoDiffCostFunction<Error, 3, 4, 3, 3>(new Error{&problem, &seen});
+  return new ceres::AutoDiffCostFunction<Error, 3, 7, 3>(new Error{&problem, &seen});
 }
 
 }  // namespace
@@ -93,12 +91,12 @@ Summary solve(Problem& problem, Derivatives derivatives, int first_iterations,
     for (const Observation& seen : problem.observations)
       ceres_problem.AddResidualBlock(
           make_cost(problem, seen, derivatives), robust ? new ceres::HuberLoss(2.7955) : nullptr,
-          &problem.rotations[4 * seen.camera], &problem.translations[3 * seen.camera],
-          &problem.points[3 * seen.point]);
-    for (std::size_t c = 0; 4 * c < problem.rotations.size(); ++c)
-      ceres_problem.SetManifold(&problem.rotations[4 * c], new ceres::EigenQuaternionManifold);
-    ceres_problem.SetParameterBlockConstant(problem.rotations.data());
-    ceres_problem.SetParameterBlockConstant(problem.translations.data());
+          &problem.poses[7 * seen.camera], &problem.points[3 * seen.point]);
+    using PoseManifold =
+        ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>>;
+    for (std::size_t c = 0; 7 * c < problem.poses.size(); ++c)
+      ceres_problem.SetManifold(&problem.poses[7 * c], new PoseManifold);
+    ceres_problem.SetParameterBlockConstant(problem.poses.data());
 
     ceres::Solver::Options options;
     options.linear_solver_type = ceres::SPARSE_SCHUR;

@@ -2,6 +2,7 @@
 // against. Knows nothing of maps.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -14,10 +15,11 @@ struct Observation {
 
 struct Problem {
   double fx = 0, fy = 0, cx = 0, cy = 0, fx_baseline = 0;
-  std::vector<double> rotations;     // map_from_camera, 4 a camera: x y z w
-  std::vector<double> translations;  // 3 a camera
-  std::vector<double> points;        // 3 each
+  std::vector<double> poses;   // map_from_camera, 7 a camera: quaternion x y z w, translation
+  std::vector<double> points;  // 3 each
   std::vector<Observation> observations;
+
+  const double* translation(std::size_t camera) const { return &poses[7 * camera + 4]; }
 };
 
 struct Summary {

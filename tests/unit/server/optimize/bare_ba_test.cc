@@ -34,8 +34,8 @@ TEST(BareBa, AnalyticAndAutomaticDerivativesEndAlike) {
   EXPECT_NEAR(a.initial_cost, b.initial_cost, 1e-9 * a.initial_cost);
   EXPECT_NEAR(a.final_cost, b.final_cost, 1e-6 * a.final_cost);
   EXPECT_LT(b.final_cost, 0.01 * b.initial_cost);
-  for (std::size_t i = 0; i < automatic.translations.size(); ++i)
-    EXPECT_NEAR(automatic.translations[i], analytic.translations[i], 1e-6);
+  for (std::size_t i = 0; i < automatic.poses.size(); ++i)
+    EXPECT_NEAR(automatic.poses[i], analytic.poses[i], 1e-6);
 }
 
 TEST(BareBa, OursEndsWhereThePlainProgramDoes) {
@@ -49,7 +49,7 @@ TEST(BareBa, OursEndsWhereThePlainProgramDoes) {
   EXPECT_NEAR(ours.final_cost, plain.final_cost, 1e-4 * plain.final_cost);
   ASSERT_EQ(delta.poses.size(), 29u);
   for (const auto& change : delta.poses) {
-    const double* t = &problem.translations[std::size_t{3} * change.keyframe.sequence];
+    const double* t = problem.translation(change.keyframe.sequence);
     EXPECT_LT((change.map_from_camera.translation - Eigen::Vector3d(t[0], t[1], t[2])).norm(),
               1e-3);
   }
