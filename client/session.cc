@@ -181,8 +181,8 @@ Status Session::process(const Frame& frame) {
   ObservedFrame observed = frontend_->process(frame);
   report_.extraction_ms.push_back(watch.milliseconds());
   const TrackingResult result = tracker_->track(observed.stamp_ns, std::move(observed.features));
-  send(result);
   report_.tracking_ms.push_back(watch.milliseconds());
+  send(result);
   ++report_.frames;
   report_.tracked += result.state == TrackingState::kTracking;
   report_.tracked += static_cast<std::uint64_t>(result.earlier_frames);
@@ -195,7 +195,8 @@ void Session::send(const TrackingResult& result) {
     if (!keyframe) continue;
     // A monocular map starts with two. The answer to the first must not depend on whether the
     // server has the second yet.
-    if (keyframe != result.first_keyframe && result.first_keyframe && options_.lockstep)
+    if (keyframe != result.first_keyframe && result.first_keyframe && options_.lockstep &&
+        !options_.no_server)
       (void)wait_for_mapping(1, Clock::now() + kLockstepPatience, false);
     sent_[keyframe->id.sequence] = Clock::now();
     link_->send(keyframe);

@@ -13,8 +13,9 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRestarts = 2;
-// It takes seconds, and nobody waits for it who could not go on without (yield_to_others()).
-constexpr int kGivesWay = 15;
+// It takes seconds, and mapping goes first (yield_to_others()); but clients that have come to their
+// end wait for it.
+constexpr int kGivesWay = 7;
 
 }  // namespace
 

@@ -269,7 +269,7 @@ bool LoopCloser::close_loop(const VerifiedLoop& loop) {
     }
     std::optional<LoopClosure> closure =
         merges ? merge(*map, loop, of_query, connected_keyframes(*map, loop.candidate))
-               : distribute(*map, loop);
+               : distribute(*map, loop, of_query);
     if (!closure) return false;
     const Applied applied = writer_.submit(std::move(*closure));
     if (!applied.done) return false;
@@ -338,12 +338,14 @@ LoopClosure LoopCloser::merge(const Map& map, const VerifiedLoop& loop,
   return closure;
 }
 
-// Nothing when the loop contradicts the others. Without a scale of its own a part may have drifted
-// in scale, too, which is distributed like the rest.
-std::optional<LoopClosure> LoopCloser::distribute(const Map& map, const VerifiedLoop& loop) {
+// Nothing when the loop contradicts the others of its part (sorted). Without a scale of its own a
+// part may have drifted in scale, too, which is distributed like the rest.
+std::optional<LoopClosure> LoopCloser::distribute(const Map& map, const VerifiedLoop& loop,
+                                                  const std::vector<KeyframeId>& part) {
   std::vector<RelativePose> loops;
   for (const LoopEdge& edge : map.loops)
-    if (edge.query != edge.candidate) loops.push_back(present(map, edge));
+    if (edge.query != edge.candidate && std::binary_search(part.begin(), part.end(), edge.query))
+      loops.push_back(present(map, edge));
   loops.push_back({loop.query, loop.candidate, loop.candidate_from_query});
   PoseGraphOptions options = options_.pose_graph;
   options.with_scale = !is_metric(map, loop.query);

@@ -132,7 +132,8 @@ class LoopCloser {
   LoopClosure merge(const Map& map, const VerifiedLoop& loop,
                     const std::vector<KeyframeId>& of_query,
                     const std::vector<KeyframeId>& of_candidate) const;
-  std::optional<LoopClosure> distribute(const Map& map, const VerifiedLoop& loop);
+  std::optional<LoopClosure> distribute(const Map& map, const VerifiedLoop& loop,
+                                        const std::vector<KeyframeId>& part);
   void connect(const VerifiedLoop& loop);
   void weld(const VerifiedLoop& loop);
 

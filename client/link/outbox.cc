@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <system_error>
 
+#include "common/wire/envelope.h"
+
 namespace cairn {
 namespace {
 
 constexpr std::int64_t kApplicationId = 0x43524E4F;  // "CRNO", in the header of the file
-constexpr std::int64_t kVersion = 2;                 // 2: keyframes of format 3
+constexpr std::int64_t kVersion = 3;                 // 3: keyframes of format 4
+
+static_assert(wire::kKeyframeFormat.version == 4, "another keyframe format, another kVersion");
 
 constexpr char kTables[] =
     "CREATE TABLE owner(client TEXT NOT NULL);"

@@ -31,12 +31,23 @@ std::optional<Sim3> pose_by_odometry(const Map& map, const Keyframe& keyframe) {
          keyframe.odom_from_camera;
 }
 
+// Each keyframe may change the scale by what the wire allows; a chain of them must not leave what
+// numbers can hold, and the wire and the map file with them.
+bool is_plausible(const Sim3& pose) {
+  constexpr double kMostScale = 1e6, kFarthest = 1e7;
+  return pose.rotation.coeffs().allFinite() && pose.translation.norm() <= kFarthest &&
+         pose.scale >= 1 / kMostScale && pose.scale <= kMostScale;
+}
+
 Sim3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
   if (keyframe.reference.is_valid())
-    if (const auto map_from_reference = map.scaled_pose_of(keyframe.reference))
-      return *map_from_reference * keyframe.reference_from_camera;
+    if (const auto map_from_reference = map.scaled_pose_of(keyframe.reference)) {
+      const Sim3 pose = *map_from_reference * keyframe.reference_from_camera;
+      if (is_plausible(pose)) return pose;
+    }
   if (map.keyframes.empty() && keyframe.id.sequence == 0) return {};
-  return pose_by_odometry(map, keyframe).value_or(keyframe.odom_from_camera);
+  const auto pose = pose_by_odometry(map, keyframe);
+  return pose && is_plausible(*pose) ? *pose : keyframe.odom_from_camera;
 }
 
 // The keyframe in the map that holds the place of `id`: itself or what it was removed in favour of.

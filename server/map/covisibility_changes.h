@@ -15,6 +15,10 @@ namespace cairn {
 // A matrix over the keyframes touched, which are numbered as they come. Not thread-safe.
 class CovisibilityChanges {
  public:
+  // Of keyframes touched: from here on the matrix is large enough for take().
+  static constexpr std::size_t kFull = 500;
+  bool is_full() const { return numbers_.size() >= kFull; }
+
   // `keyframe` sees a landmark along with each of `others` from now on (change 1), or no longer
   // (-1). Itself among the others does not count.
   template <typename Observations>

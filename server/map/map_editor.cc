@@ -128,6 +128,7 @@ void MapEditor::attach(Landmark& landmark, const Observation& observation) {
   landmark.observations.push_back(observation);
   map_.keyframes.edit(observation.keyframe)->landmarks.edit()[observation.feature] = landmark.id;
   touch(landmark.id, Touch::kObservations);
+  if (covisibility_.is_full()) update_covisibility();
 }
 
 bool MapEditor::remove_observation(LandmarkId id, const Observation& observation) {
@@ -141,6 +142,7 @@ bool MapEditor::remove_observation(LandmarkId id, const Observation& observation
   landmark.observations.erase(landmark.observations.begin() + at);
   map_.keyframes.edit(observation.keyframe)->landmarks.edit()[observation.feature] = LandmarkId{};
   covisibility_.add(observation.keyframe, landmark.observations, -1);
+  if (covisibility_.is_full()) update_covisibility();
   if (landmark.observations.empty()) {
     touched_.erase(id);
     map_.landmarks.erase(id);

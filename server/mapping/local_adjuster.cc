@@ -10,6 +10,9 @@
 namespace cairn {
 namespace {
 
+// Keyframes that are free besides those that a solve is for, at the least.
+constexpr std::size_t kLeastBesides = 2;
+
 LocalWindowOptions thinned(LocalWindowOptions window, std::size_t backlog, std::size_t from) {
   constexpr double kLeast = 0.25;
   if (backlog <= from) return window;
@@ -43,16 +46,24 @@ bool LocalAdjuster::is_free(const std::vector<KeyframeId>& keyframes) const {
                       [&](KeyframeId id) { return busy_.contains(id); });
 }
 
-// The centre, and what waits, too, and sees the same.
-std::vector<KeyframeId> LocalAdjuster::companions(const Map& map, KeyframeId centre) const {
-  std::set<KeyframeId> near;
+// The centre, the first that waits but for those of the runs in `without`, and what else waits and
+// sees the same. A run's keyframes are taken in order or not at all.
+std::vector<KeyframeId> LocalAdjuster::companions(const Map& map, KeyframeId centre,
+                                                  std::set<std::uint64_t> without) const {
+  const std::size_t most = std::min(options_.max_together, options_.window.max_free);
+  std::set<KeyframeId> near{centre};
   if (const KeyframeNode* node = map.keyframes.find(centre))
     for (const Covisible& c : node->covisible)
       if (c.shared >= options_.window.min_shared) near.insert(c.keyframe);
   std::vector<KeyframeId> all;
-  for (const KeyframeId id : waiting_)
-    if (id == centre || (near.contains(id) && all.size() < options_.max_together))
+  for (const KeyframeId id : waiting_) {
+    if (all.size() >= std::max<std::size_t>(most, 1)) break;
+    if (without.contains(id.epoch)) continue;
+    if (near.contains(id))
       all.push_back(id);
+    else
+      without.insert(id.epoch);
+  }
   return all;
 }
 
@@ -62,10 +73,14 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
   Claim claim;
   claim.window = thinned(options_.window, more_coming + waiting_.size() - 1, options_.thin_from);
   const Snapshot map = writer_.snapshot();
-  std::set<std::uint64_t> passed_over;  // runs: their keyframes are served in order
+  const std::size_t max_free = claim.window.max_free;
+  std::set<std::uint64_t> passed_over = runs_;  // a run's keyframes are served in order
   for (const KeyframeId id : waiting_) {
     if (passed_over.contains(id.epoch)) continue;
-    claim.centres = companions(*map, id);
+    claim.centres = companions(*map, id, passed_over);
+    // However small the window, all that it is for are free in it, and some of what they see.
+    claim.window.max_free = std::max(
+        max_free, std::min(options_.window.max_free, claim.centres.size() + kLeastBesides));
     const LocalWindow window = choose_local_window(*map, claim.centres, claim.window);
     if (is_free(window.free_keyframes) && is_free(claim.centres)) {
       claim.region.insert(window.free_keyframes.begin(), window.free_keyframes.end());
@@ -75,6 +90,7 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
     passed_over.insert(id.epoch);
   }
   claim.region.insert(claim.centres.begin(), claim.centres.end());
+  for (const KeyframeId id : claim.centres) runs_.insert(id.epoch);
   busy_.insert(claim.region.begin(), claim.region.end());
   std::erase_if(waiting_, [&](KeyframeId id) {
     return std::find(claim.centres.begin(), claim.centres.end(), id) != claim.centres.end();
@@ -85,6 +101,7 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
 void LocalAdjuster::release(const Claim& claim) {
   std::lock_guard lock(mutex_);
   for (const KeyframeId id : claim.region) busy_.erase(id);
+  for (const KeyframeId id : claim.centres) runs_.erase(id.epoch);
 }
 
 LocalAdjustment LocalAdjuster::adjust(std::size_t more_coming, std::stop_token stop) {

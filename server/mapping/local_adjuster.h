@@ -2,16 +2,17 @@
 // solve serves, and that no two threads that ask here solve for the same keyframe at a time.
 //
 // A keyframe comes here once the other steps of local mapping are done (local_mapping.h). Whoever
-// has brought one asks for work until there is none; a keyframe whose neighbourhood another thread
-// is solving waits for that thread, which finds it when it asks again. So keyframes that come
-// close together, from one client or from several that are at the same place, share a solve, and
-// clients at different places don't wait for each other.
+// has brought one asks for work until there is none to do now; a keyframe whose neighbourhood
+// another thread is solving waits for that thread, which finds it when it asks again. So keyframes
+// that come close together, from one client or from several that are at the same place, share a
+// solve, and clients at different places don't wait for each other.
 //
 // While more keyframes come, who could solve prepares one of those first, until enough wait to
 // share a solve; and while many come windows are smaller. No keyframe is left out.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
@@ -72,7 +73,8 @@ class LocalAdjuster {
     LocalWindowOptions window;
   };
   Claim claim(std::size_t more_coming);
-  std::vector<KeyframeId> companions(const Map& map, KeyframeId centre) const;
+  std::vector<KeyframeId> companions(const Map& map, KeyframeId centre,
+                                     std::set<std::uint64_t> without) const;
   bool is_free(const std::vector<KeyframeId>& keyframes) const;
   void release(const Claim& claim);
 
@@ -82,6 +84,8 @@ class LocalAdjuster {
   mutable std::mutex mutex_;
   std::deque<KeyframeId> waiting_;  // in order of arrival
   std::set<KeyframeId> busy_;       // being solved for
+  std::set<std::uint64_t> runs_;    // of the centres that are being solved for: in order, one run
+                                    // waits for its own solve
 };
 
 }  // namespace cairn

@@ -22,6 +22,7 @@ struct KnownLandmark {
   // It still moves with the client's keyframe that made it.
   bool anchored = false;
   std::uint32_t observations = 0;  // how many there were when it was described
+  float max_distance = 0;          // as it was described, in map; 0: not by the server
   std::uint64_t revision = 0;      // of the landmark when last compared
   std::uint64_t last_near = 0;     // the difference in which it was near
 };

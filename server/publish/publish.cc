@@ -60,6 +60,13 @@ void sort_by_id(List& list) {
   std::sort(list.begin(), list.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
 }
 
+// Whether the client would look for the landmark at wrong distances.
+bool has_other_range(const KnownLandmark& known, const Landmark& landmark) {
+  constexpr float kTolerance = 0.1f;
+  return known.max_distance > 0 &&
+         std::abs(landmark.max_distance / known.max_distance - 1) > kTolerance;
+}
+
 void sort_by_id(MapUpdate& update) {
   sort_by_id(update.keyframes);
   sort_by_id(update.removed_keyframes);
@@ -130,8 +137,10 @@ void ClientView::follow_loops(const Map& map, MapUpdate& update) {
   }
   if (!update.new_map_from_old_map) return;
   for (OwnKeyframe& own : keyframes_) own.map_from_camera = move * own.map_from_camera;
-  for (KnownLandmark& known : known_.slots())
+  for (KnownLandmark& known : known_.slots()) {
     if (known.position) known.position = move * *known.position;
+    known.max_distance *= static_cast<float>(move.scale);
+  }
 }
 
 void ClientView::start_over() {
@@ -377,8 +386,10 @@ std::optional<ClientView::News> ClientView::news_of(const Map& map, const Landma
         known->position ? outlook.shift_px(*known->position, landmark.position) : 0;
     if (!known->position) news.worth = kWorthOfPlace;
     if (shift > options_.landmark_moved_px) news.worth = std::min(shift, kMostWorthOfMove);
-    // Twice the observations make a better descriptor and range of distances.
-    if (landmark.observations.size() >= 2 * std::size_t{known->observations}) {
+    // Twice the observations make a better descriptor and range of distances; after a loop that
+    // changed the scale the range is another one.
+    if (landmark.observations.size() >= 2 * std::size_t{known->observations} ||
+        (!known->position && has_other_range(*known, landmark))) {
       news.describes = true;
       news.worth += kWorthOfLook;
     }
@@ -424,6 +435,7 @@ void ClientView::tell(const News& news, MapUpdate& update) {
   }
   known.described = true;
   known.observations = static_cast<std::uint32_t>(landmark.observations.size());
+  known.max_distance = landmark.max_distance;
   update.landmarks.push_back(state_of(landmark, news.shown_by));
 }
 

@@ -74,7 +74,7 @@ class Soak {
     lap.waiting =
         std::max(lap.waiting, *std::max_element(result.backlog.begin(), result.backlog.end()));
     const auto evaluation = evaluate(walk.truth, result.keyframes);
-    lap.worst = std::max(lap.worst, evaluation ? evaluation->ate.rmse : NAN);
+    lap.worst = std::max(lap.worst, evaluation ? evaluation->ate.rmse : INFINITY);
     lap.settled = lap.settled && result.settled;
   }
 
@@ -144,6 +144,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 16))
       ->capture_default_str();
   app.add_option("--walks", arguments.walks, "Recorded walks, taken in turn")
+      ->check(CLI::Range(1, 64))
       ->capture_default_str();
   app.add_option("--frames", arguments.frames, "Of each walk")->capture_default_str();
   app.add_option("--minutes", arguments.minutes, "Of walking, of all clients together")

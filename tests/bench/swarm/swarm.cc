@@ -88,7 +88,7 @@ Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<Recorded
 }
 
 double rmse(const Result<Evaluation>& evaluation) {
-  return evaluation ? evaluation->ate.rmse : NAN;
+  return evaluation ? evaluation->ate.rmse : INFINITY;
 }
 
 struct Errors {

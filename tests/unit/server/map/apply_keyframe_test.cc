@@ -85,6 +85,24 @@ TEST(ApplyKeyframe, ARunThatComesToAnEmptyMapInItsMiddleIsPlacedByOdometry) {
   EXPECT_LT(next.translation.norm(), 1e-9);
 }
 
+// Each by what the wire allows, all together by more than numbers can hold.
+TEST(ApplyKeyframe, AChainOfScalesStaysWithinBounds) {
+  for (const double scale : {1e6, 1e-6}) {
+    const SyntheticMap world({.keyframes = 60});
+    Map map;
+    for (const KeyframePtr& original : world.keyframes) {
+      auto keyframe = changed(original);
+      keyframe->reference_from_camera.scale *= scale;
+      apply_keyframe(map, keyframe);
+      const KeyframeNode& node = map.keyframes.at(keyframe->id);
+      ASSERT_TRUE(node.map_from_camera.is_finite()) << keyframe->id.sequence;
+      ASSERT_GE(node.unit, 1e-6);
+      ASSERT_LE(node.unit, 1e6);
+    }
+    EXPECT_THAT(check_invariants(map), testing::IsEmpty());
+  }
+}
+
 TEST(ApplyKeyframe, TheSameOneAgainChangesNothing) {
   const SyntheticMap world({.keyframes = 2});
   Map map = built(world);

@@ -111,7 +111,22 @@ TEST_F(LocalAdjusterTest, UnderLoadWindowsAreSmaller) {
     adjuster.add(kf(12));
     adjuster.adjust(more);
   }
-  EXPECT_THAT(sizes, ElementsAre(8u, 4u, 2u));
+  EXPECT_THAT(sizes, ElementsAre(8u, 4u, 3u));
+}
+
+TEST_F(LocalAdjusterTest, HoweverSmallTheWindowAllThatItIsForAreSolvedFor) {
+  std::vector<KeyframeId> free;
+  LocalAdjuster adjuster(writer_,
+                         [&](const Map& map, const LocalWindow& window, std::stop_token) {
+                           free = window.free_keyframes;
+                           return MapDelta::based_on(map);
+                         },
+                         {.window = {.max_free = 8}, .max_together = 6, .thin_from = 4});
+  for (std::uint32_t k = 7; k <= 12; ++k) adjuster.add(kf(k));
+  const std::vector<KeyframeId> mapped = adjuster.adjust(100).keyframes;
+  EXPECT_GT(mapped.size(), 2u);
+  for (const KeyframeId id : mapped) EXPECT_THAT(free, Contains(id));
+  EXPECT_GT(free.size(), mapped.size()) << "and for some around them";
 }
 
 TEST_F(LocalAdjusterTest, AKeyframeThatIsGoneCountsAsMapped) {
@@ -163,14 +178,34 @@ TEST_F(LocalAdjusterTest, ANeighbourOfWhatIsBeingSolvedIsLeftToThatThread) {
 }
 
 TEST_F(LocalAdjusterTest, WhatIsFarFromASolveDoesNotWaitForIt) {
+  const SyntheticMap elsewhere({.keyframes = 3, .seed = 2, .epoch = 8});
+  LocalMapping mapping(writer_);
+  for (const KeyframePtr& keyframe : elsewhere.keyframes) {
+    writer_.submit(keyframe);
+    mapping.extend(keyframe->id);
+  }
+  Gate gate;
+  LocalAdjuster adjuster(writer_, gate.solver());
+  adjuster.add(kf(2));
+  std::jthread first([&] { adjuster.adjust(0); });
+  gate.entered.get_future().wait();
+  adjuster.add({8, 2});
+  EXPECT_THAT(adjuster.adjust(0).keyframes, ElementsAre(KeyframeId{8, 2}));
+  gate.may_leave.set_value();
+}
+
+// Or it would count as mapped, and those before it in the run with it, which are not yet.
+TEST_F(LocalAdjusterTest, ARunsKeyframesAreSolvedForInOrder) {
   Gate gate;
   LocalAdjuster adjuster(writer_, gate.solver(), {.window = {.max_free = 2}});
   adjuster.add(kf(2));
   std::jthread first([&] { adjuster.adjust(0); });
   gate.entered.get_future().wait();
-  adjuster.add(kf(12));
-  EXPECT_THAT(adjuster.adjust(0).keyframes, ElementsAre(kf(12)));
+  adjuster.add(kf(12));  // far from it
+  EXPECT_THAT(adjuster.adjust(0).keyframes, IsEmpty());
   gate.may_leave.set_value();
+  first.join();
+  EXPECT_THAT(adjuster.adjust(0).keyframes, ElementsAre(kf(12)));
 }
 
 class StillCamera : public LocalAdjusterTest {
