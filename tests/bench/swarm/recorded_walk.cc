@@ -70,6 +70,11 @@ Result<RecordedWalk> record_walk(const WalkOptions& options) {
   if (!fs::exists(outbox))
     if (Status s = run_client(options, walk.name, outbox); !s) return s.error();
   Result<std::vector<KeyframePtr>> keyframes = read_outbox(outbox, walk.name);
+  if (!keyframes && keyframes.error().code == ErrorCode::kVersion) {  // of an earlier Cairn's
+    fs::remove(outbox);
+    if (Status s = run_client(options, walk.name, outbox); !s) return s.error();
+    keyframes = read_outbox(outbox, walk.name);
+  }
   if (!keyframes) return keyframes.error();
   walk.keyframes = std::move(*keyframes);
   Result<Trajectory> truth = truth_of(options);
