@@ -13,6 +13,7 @@ namespace {
 // Keyframes that are free besides those that a solve is for, at the least.
 constexpr std::size_t kLeastBesides = 2;
 
+// By how much more than `from` wait, down to a quarter.
 LocalWindowOptions thinned(LocalWindowOptions window, std::size_t backlog, std::size_t from) {
   constexpr double kLeast = 0.25;
   if (backlog <= from) return window;

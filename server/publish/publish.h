@@ -5,9 +5,8 @@
 //   if (auto update = view.difference(*snapshot, mapped)) ingest.publish(client, *update);
 //
 // A client hears about
-// - its own keyframes: every one that has moved or was culled, wherever it is, at once; and which
-// of
-//   them hang together, once it has been in several parts of the map;
+// - its own keyframes: every one that has moved or was culled, wherever it is, at once; and
+//   which of them hang together, once it has been in several parts of the map;
 // - landmarks that it knows and that are gone or go by another name: at once around it, elsewhere
 //   within some updates;
 // - landmarks around it: those of the keyframes most covisible with its latest one that are new to

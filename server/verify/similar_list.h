@@ -32,8 +32,8 @@ struct SimilarLists {
   std::vector<SimilarList<kCount>> of_a, of_b;  // indices are of the other one's
 };
 
-// Distances from which on is_distinctive() and the like don't care how far: what is not distinctive
-// by a landmark as far as that is so by any further one.
+// So many bits, and what differs by more does not matter: it is no match, and too far from what is
+// one to make that less distinctive.
 inline int distance_that_matters(int max_distance, float ratio) {
   return static_cast<int>(static_cast<float>(max_distance) / ratio) + 1;
 }

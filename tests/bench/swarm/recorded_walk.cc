@@ -59,18 +59,16 @@ Result<Trajectory> truth_of(const WalkOptions& options) {
   return truth;
 }
 
-}  // namespace
-
 Result<RecordedWalk> record_walk(const WalkOptions& options) {
   RecordedWalk walk;
   walk.name = fmt::format("{}{}", options.scene, options.path);
   const fs::path outbox = options.folder / fmt::format("{}-{}-{}.outbox", walk.name, options.frames,
                                                        options.min_shared);
   fs::create_directories(options.folder);
-  if (!fs::exists(outbox))
-    if (Status s = run_client(options, walk.name, outbox); !s) return s.error();
-  Result<std::vector<KeyframePtr>> keyframes = read_outbox(outbox, walk.name);
-  if (!keyframes && keyframes.error().code == ErrorCode::kVersion) {  // of an earlier Cairn's
+  Result<std::vector<KeyframePtr>> keyframes{ErrorCode::kNotFound, "not recorded yet"};
+  if (fs::exists(outbox)) keyframes = read_outbox(outbox, walk.name);
+  const bool of_this_version = keyframes || keyframes.error().code != ErrorCode::kVersion;
+  if (!fs::exists(outbox) || !of_this_version) {
     fs::remove(outbox);
     if (Status s = run_client(options, walk.name, outbox); !s) return s.error();
     keyframes = read_outbox(outbox, walk.name);
@@ -81,6 +79,22 @@ Result<RecordedWalk> record_walk(const WalkOptions& options) {
   if (!truth) return truth.error();
   walk.truth = std::move(*truth);
   return walk;
+}
+
+}  // namespace
+
+Result<std::vector<RecordedWalk>> record_walks(const WalkOptions& options, int count,
+                                               const std::string& program) {
+  std::vector<RecordedWalk> walks;
+  for (int i = 0; i < count; ++i) {
+    fmt::print(stderr, "{}: recording walk {} of {}\n", program, i + 1, count);
+    WalkOptions one = options;
+    one.path += i;
+    Result<RecordedWalk> walk = record_walk(one);
+    if (!walk) return walk.error();
+    walks.push_back(std::move(*walk));
+  }
+  return walks;
 }
 
 RecordedWalk as_new_run(const RecordedWalk& walk, const std::string& name, std::uint64_t epoch) {

@@ -28,8 +28,10 @@ struct RecordedWalk {
   Trajectory truth;  // world_from_camera of every frame
 };
 
-// Runs cairn-client unless the folder has the recording already. Error: it failed.
-Result<RecordedWalk> record_walk(const WalkOptions& options);
+// `count` walks, on paths from options.path on, otherwise alike. Runs cairn-client for those that
+// the folder does not have, and says on stderr, as `program`, how far it is. Error: it failed.
+Result<std::vector<RecordedWalk>> record_walks(const WalkOptions& options, int count,
+                                               const std::string& program);
 
 // The same keyframes as another client's run would have them.
 RecordedWalk as_new_run(const RecordedWalk& walk, const std::string& name, std::uint64_t epoch);

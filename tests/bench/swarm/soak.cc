@@ -90,16 +90,11 @@ int fail(const std::string& message) {
 }
 
 int run(const Arguments& arguments) {
-  std::vector<RecordedWalk> walks;
-  for (int i = 0; i < arguments.walks; ++i) {
-    fmt::print(stderr, "soak: recording walk {} of {}\n", i + 1, arguments.walks);
-    Result<RecordedWalk> walk = record_walk({.scene = arguments.scene,
-                                             .path = i,
-                                             .frames = arguments.frames,
-                                             .folder = arguments.recordings});
-    if (!walk) return fail(walk.message());
-    walks.push_back(std::move(*walk));
-  }
+  const Result<std::vector<RecordedWalk>> recorded = record_walks(
+      {.scene = arguments.scene, .frames = arguments.frames, .folder = arguments.recordings},
+      arguments.walks, "soak");
+  if (!recorded) return fail(recorded.message());
+  const std::vector<RecordedWalk>& walks = *recorded;
   auto server = BenchServer::start({});
   if (!server) return fail(server.message());
   fmt::print(

@@ -148,16 +148,11 @@ int fail(const std::string& message) {
 
 int run(const Arguments& arguments) {
   const int most = *std::max_element(arguments.clients.begin(), arguments.clients.end());
-  std::vector<RecordedWalk> walks;
-  for (int i = 0; i < most; ++i) {
-    fmt::print(stderr, "swarm: recording walk {} of {}\n", i + 1, most);
-    Result<RecordedWalk> walk = record_walk({.scene = arguments.scene,
-                                             .path = i,
-                                             .frames = arguments.frames,
-                                             .folder = arguments.recordings});
-    if (!walk) return fail(walk.message());
-    walks.push_back(std::move(*walk));
-  }
+  const Result<std::vector<RecordedWalk>> recorded = record_walks(
+      {.scene = arguments.scene, .frames = arguments.frames, .folder = arguments.recordings}, most,
+      "swarm");
+  if (!recorded) return fail(recorded.message());
+  const std::vector<RecordedWalk>& walks = *recorded;
   fmt::print(
       "Scene {}, {} frames a client, replayed at {} keyframes a second each. ATE of the keyframes; "
       "merged: seconds from when two clients had seen the same place to the first merge, and from "
