@@ -51,12 +51,6 @@ RelativePose present(const Map& map, const LoopEdge& edge) {
                    1 / map.keyframes.at(edge.candidate).unit)};
 }
 
-// Of the spanning tree: that of the part, unless the map file comes from before parts were grafted.
-KeyframeId root_of(const Map& map, KeyframeId id) {
-  while (map.keyframes.at(id).parent.is_valid()) id = map.keyframes.at(id).parent;
-  return id;
-}
-
 // Which runs go on in the part that moves, and which have keyframes in others too (a client that
 // was lost). `part` is sorted.
 void tell_runs(const Map& map, const std::vector<KeyframeId>& part, LoopEdge& edge) {
@@ -173,7 +167,8 @@ void LoopCloser::carry_out(const Task& task, std::size_t waiting) {
       if (!map->keyframes.contains(task.keyframe)) return;  // culled before its turn
       index(*map, task.keyframe);
       if (task.kind == Task::Kind::kRecognise && waiting <= options_.max_waiting)
-        recognise(*map, task.keyframe, waiting);
+        recognise(*map, task.keyframe,
+                  waiting + (hooks_.mapping_waits ? hooks_.mapping_waits() : 0));
       return;
     }
     case Task::Kind::kFinish:

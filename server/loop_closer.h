@@ -56,14 +56,16 @@ struct LoopCloserOptions {
   // not starve.
   std::size_t max_waiting = 40;
   // So many candidates in the keyframe's own part of the map are verified, less one for each
-  // keyframe that waits: a loop is seen again a little later, while a part that nobody has merged
-  // is of no use to its client.
+  // keyframe that waits, here or to be mapped: a loop is seen again a little later, while a part
+  // that nobody has merged is of no use to its client.
   std::size_t most_in_own_part = 3;
   std::size_t weld_neighbours = 5;  // of the query, whose landmarks are fused too
 };
 
 struct LoopCloserHooks {
   LocalSolver solve;  // local BA, for the weld
+  // Keyframes that wait to be mapped. May be empty: none.
+  std::function<std::size_t()> mapping_waits;
   // A correction has been applied: keeps the map as it was before, so that it can be undone.
   std::function<Status(const Map& before)> keep;
   // The map has changed by more than a little, or a run is settled: tell the clients. From any of

@@ -123,6 +123,7 @@ Status Pipeline::start_closing_loops() {
   options.window = window_options(config_);
   LoopCloserHooks hooks;
   hooks.solve = solve;
+  hooks.mapping_waits = [this] { return awaiting_mapping(); };
   if (!config_.map_file.empty())
     hooks.keep = [this](const Map& before) -> Status {
       const Result<CheckpointSummary> kept = file_->save_checkpoint(before);
@@ -133,6 +134,10 @@ Status Pipeline::start_closing_loops() {
   closer_ = std::make_unique<LoopCloser>(writer_, words, options, std::move(hooks));
   relocaliser_ = std::make_unique<Relocaliser>(writer_, closer_->index(), words);
   return {};
+}
+
+std::size_t Pipeline::awaiting_mapping() const {
+  return unextended_ + adjuster_.waiting();
 }
 
 // On any thread: must not block.
@@ -376,7 +381,7 @@ ServerState Pipeline::state() const {
   state.keyframes = map->keyframes.size();
   state.landmarks = map->landmarks.size();
   state.keyframes_ever = map->keyframes_ever;
-  state.awaiting_mapping = unextended_ + adjuster_.waiting();
+  state.awaiting_mapping = awaiting_mapping();
   state.mapped = metrics_.mapped;
   state.desks = desks_.size();
   state.uptime_s = started_.milliseconds() / 1000;

@@ -82,6 +82,7 @@ class Pipeline {
   void save_now_and_then(std::stop_token stop);
   Status save();
   Status start_closing_loops();
+  std::size_t awaiting_mapping() const;
   void tell_everyone();
 
   const ServerConfig config_;

@@ -57,7 +57,8 @@ DeltaSummary apply_loop(Map& map, const LoopClosure& closure);
 
 // Takes a keyframe out. Its children get another parent: the most covisible one that does not
 // descend from them, or the removed one's parent. The map remembers its pose relative to its parent
-// (removed_keyframes); landmarks that nothing else sees vanish. False for roots and unknown ones.
+// (removed_keyframes); landmarks that less than two others see vanish. False for roots and unknown
+// ones.
 bool remove_keyframe(Map& map, KeyframeId id);
 
 // Forgets what became of landmarks and keyframes that ended more than kFormerKept keyframes ago, so

@@ -50,12 +50,6 @@ Sim3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
   return pose && is_plausible(*pose) ? *pose : keyframe.odom_from_camera;
 }
 
-// The keyframe in the map that holds the place of `id`: itself or what it was removed in favour of.
-KeyframeId present(const Map& map, KeyframeId id) {
-  while (const FormerKeyframe* former = map.removed_keyframes.find(id)) id = former->anchor;
-  return id;
-}
-
 class Association {
  public:
   Association(Map& map, MapEditor& editor, KeyframeId id) : map_(map), editor_(editor), id_(id) {}
@@ -169,7 +163,7 @@ KeyframeSummary apply_keyframe(Map& map, KeyframePtr keyframe) {
   editor.insert_keyframe(keyframe, map_from_camera);
   Association association(map, editor, id);
   for (const LandmarkMatch& match : keyframe->matches) association.take(match, summary);
-  editor.join_tree(id, present(map, keyframe->reference));
+  editor.join_tree(id, map.present(keyframe->reference));
   forget_former(map);
   summary.inserted = true;
   return summary;

@@ -45,6 +45,13 @@ std::vector<KeyframeId> connected_keyframes(const Map& map, KeyframeId id) {
   return found;
 }
 
+KeyframeId root_of(const Map& map, KeyframeId id) {
+  const KeyframeNode* node = map.keyframes.find(id);
+  if (!node) return {};
+  for (; node->parent.is_valid(); node = &map.keyframes.at(id)) id = node->parent;
+  return id;
+}
+
 bool is_metric(const Map& map, KeyframeId id) {
   const KeyframeNode* node = map.keyframes.find(id);
   if (node && node->rig().sensor != Sensor::kMono) return true;

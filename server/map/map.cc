@@ -8,8 +8,17 @@ namespace cairn {
 
 LandmarkId Map::resolve(LandmarkId name) const {
   // Without cycles: an entry is erased when a landmark of its name is made again.
-  while (const FormerLandmark* former = replaced_landmarks.find(name)) name = former->now;
-  return landmarks.contains(name) ? name : LandmarkId{};
+  while (!landmarks.contains(name)) {
+    const FormerLandmark* former = replaced_landmarks.find(name);
+    if (!former) return {};
+    name = former->now;
+  }
+  return name;
+}
+
+KeyframeId Map::present(KeyframeId name) const {
+  while (const FormerKeyframe* former = removed_keyframes.find(name)) name = former->anchor;
+  return name;
 }
 
 std::optional<Rigid3> Map::pose_of(KeyframeId name) const {

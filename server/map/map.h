@@ -38,6 +38,10 @@ struct Covisible {
   KeyframeId keyframe;
   int shared = 0;  // landmarks that both see
 };
+// The order of KeyframeNode::covisible.
+inline bool stronger(const Covisible& a, const Covisible& b) {
+  return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
+}
 
 // A keyframe's estimate beside its immutable measurement.
 struct KeyframeNode {
@@ -142,6 +146,9 @@ struct Map {
 
   // Follows replacements to the name in use; not valid when that landmark is gone.
   LandmarkId resolve(LandmarkId id) const;
+  // What holds the place of a keyframe that is or was in the map: itself, or, once it is removed,
+  // what it was removed in favour of. Others come back as they are.
+  KeyframeId present(KeyframeId id) const;
   // Pose of a keyframe that is or once was in the map; nothing for others. The second with the
   // keyframe's own unit (KeyframeNode::scaled_pose()).
   std::optional<Rigid3> pose_of(KeyframeId id) const;

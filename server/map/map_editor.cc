@@ -2,14 +2,11 @@
 
 #include <algorithm>
 
+#include "server/map/connected.h"
 #include "server/map/refresh.h"
 
 namespace cairn {
 namespace {
-
-bool stronger(const Covisible& a, const Covisible& b) {
-  return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
-}
 
 bool sees(const Landmark& landmark, KeyframeId keyframe) {
   return std::any_of(landmark.observations.begin(), landmark.observations.end(),
@@ -61,7 +58,7 @@ void MapEditor::join_tree(KeyframeId id, KeyframeId fallback) {
 }
 
 void MapEditor::graft_tree(KeyframeId id, KeyframeId parent) {
-  if (root_of(id) == root_of(parent)) return;
+  if (root_of(map_, id) == root_of(map_, parent)) return;
   while (id.is_valid()) {
     const KeyframeId former = map_.keyframes.at(id).parent;
     set_parent(id, parent);
@@ -83,9 +80,12 @@ bool MapEditor::remove_keyframe(KeyframeId id) {
   for (KeyframeId child : children) set_parent(child, new_parent(map_.keyframes.at(child), id));
 
   const std::vector<LandmarkId> landmarks = map_.keyframes.at(id).landmarks;
-  for (std::size_t f = 0; f < landmarks.size(); ++f)
-    if (landmarks[f].is_valid())
-      remove_observation(landmarks[f], {id, static_cast<std::uint16_t>(f)});
+  for (std::size_t f = 0; f < landmarks.size(); ++f) {
+    if (!landmarks[f].is_valid()) continue;
+    remove_observation(landmarks[f], {id, static_cast<std::uint16_t>(f)});
+    const Landmark* left = map_.landmarks.find(landmarks[f]);
+    if (left && left->observations.size() == 1) remove_landmark(landmarks[f]);
+  }
   update_covisibility();
 
   auto& siblings = map_.keyframes.edit(parent)->children;
@@ -252,11 +252,6 @@ bool MapEditor::descends_from(KeyframeId id, KeyframeId ancestor) const {
   for (; id.is_valid(); id = map_.keyframes.at(id).parent)
     if (id == ancestor) return true;
   return false;
-}
-
-KeyframeId MapEditor::root_of(KeyframeId id) const {
-  while (map_.keyframes.at(id).parent.is_valid()) id = map_.keyframes.at(id).parent;
-  return id;
 }
 
 }  // namespace cairn

@@ -61,7 +61,6 @@ class MapEditor {
   KeyframeId new_parent(const KeyframeNode& child, KeyframeId removed) const;
   void move_loops(KeyframeId id, const FormerKeyframe& former);
   bool descends_from(KeyframeId id, KeyframeId ancestor) const;
-  KeyframeId root_of(KeyframeId id) const;
 
   Map& map_;
   // Ordered, so that the same event does the same in the same order on every run.

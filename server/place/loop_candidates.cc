@@ -88,11 +88,6 @@ std::vector<LoopCandidate> best_groups(const Map& map, std::vector<PlaceMatch> m
   return candidates;
 }
 
-KeyframeId root_of(const Map& map, KeyframeId id) {
-  while (map.keyframes.at(id).parent.is_valid()) id = map.keyframes.at(id).parent;
-  return id;
-}
-
 // A common root of the spanning tree tells quickly that two are connected. Where that says nothing
 // (parts that were merged keep their roots) the whole part is visited.
 void mark_other_islands(const Map& map, KeyframeId query, std::vector<LoopCandidate>& candidates) {

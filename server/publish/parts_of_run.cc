@@ -13,7 +13,7 @@ class Roots {
 
   // Of one that is or was in the map; else not valid.
   KeyframeId of(KeyframeId id) {
-    while (const FormerKeyframe* former = map_.removed_keyframes.find(id)) id = former->anchor;
+    id = map_.present(id);
     std::vector<KeyframeId> way;
     const KeyframeNode* node = map_.keyframes.find(id);
     if (!node) return {};

@@ -5,6 +5,7 @@
 #include <unordered_set>
 
 #include "common/wire/map_update_codec.h"
+#include "server/map/connected.h"
 #include "server/publish/landmark_state.h"
 #include "server/publish/neighbourhood.h"
 #include "server/publish/parts_of_run.h"
@@ -39,20 +40,6 @@ std::optional<LandmarkId> name_now(const Map& map, LandmarkId id) {
   const LandmarkId shown = node->landmarks[id.creator_feature()];
   if (!shown.is_valid()) return std::nullopt;
   return shown;
-}
-
-// The keyframe in the map that holds the place of one that was culled.
-KeyframeId present(const Map& map, KeyframeId id) {
-  while (const FormerKeyframe* former = map.removed_keyframes.find(id)) id = former->anchor;
-  return id;
-}
-
-// Not valid for a keyframe that the map does not have.
-KeyframeId root_of(const Map& map, KeyframeId id) {
-  const KeyframeNode* node = map.keyframes.find(id);
-  if (!node) return {};
-  for (; node->parent.is_valid(); node = &map.keyframes.at(id)) id = node->parent;
-  return id;
 }
 
 template <typename List>
@@ -224,7 +211,7 @@ void ClientView::tell_parts(const Map& map, MapUpdate& update) {
 
 // In time; if one of the nearest is known to lie in the same part of the map, that.
 std::optional<KeyframeId> ClientView::nearest_own(const Map& map, std::uint32_t sequence) const {
-  const KeyframeId root = root_of(map, present(map, {epoch_, sequence}));
+  const KeyframeId root = root_of(map, map.present({epoch_, sequence}));
   const auto size = static_cast<std::uint32_t>(keyframes_.size());
   std::optional<KeyframeId> nearest;
   int asked = 0;

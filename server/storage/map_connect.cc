@@ -48,9 +48,7 @@ void connect_covisible(Map& map, KeyframeNode& node) {
   shared.erase(node.keyframe->id);
   std::vector<Covisible> covisible;
   for (const auto& [keyframe, count] : shared) covisible.push_back({keyframe, count});
-  std::sort(covisible.begin(), covisible.end(), [](const Covisible& a, const Covisible& b) {
-    return a.shared != b.shared ? a.shared > b.shared : a.keyframe < b.keyframe;
-  });
+  std::sort(covisible.begin(), covisible.end(), stronger);
   node.covisible = std::move(covisible);
 }
 

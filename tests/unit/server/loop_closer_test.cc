@@ -28,9 +28,10 @@ MapDelta solve(const Map& map, const LocalWindow& window, std::stop_token stop) 
 }
 
 struct Closing {
-  explicit Closing(LoopCloserOptions options = {}) {
+  explicit Closing(LoopCloserOptions options = {}, std::size_t mapping_waits = 0) {
     LoopCloserHooks hooks;
     hooks.solve = solve;
+    hooks.mapping_waits = [mapping_waits] { return mapping_waits; };
     hooks.keep = [this](const Map& before) {
       kept.push_back(before.loops.size());
       return Status();
@@ -143,15 +144,13 @@ TEST(LoopCloser, ClosesALoopThatHasDrifted) {
             0.1);
 }
 
-// As it is while keyframes wait.
-TEST(LoopCloser, WithoutTimeForLoopsItStillMerges) {
-  LoopCloserOptions busy;
-  busy.most_in_own_part = 0;
-  Closing loops(busy);
+TEST(LoopCloser, WhileMappingIsBehindItOnlyMerges) {
+  constexpr std::size_t kBehind = 3;
+  Closing loops({}, kBehind);
   come_back_drifted(loops);
   EXPECT_EQ(loops.closer->counters().loops, 0u);
 
-  Closing merges(busy);
+  Closing merges({}, kBehind);
   merges.add(SyntheticMap({.keyframes = 8, .epoch = kFirst}));
   merges.add(SyntheticMap({.keyframes = 8, .epoch = kSecond, .start = 0.3}));
   merges.closer->close();
