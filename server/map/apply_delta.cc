@@ -28,6 +28,8 @@ bool make_landmark(Map& map, MapEditor& editor, const MapDelta::NewLandmark& mad
 }
 
 void change_observations(Map& map, MapEditor& editor, const MapDelta& delta, DeltaSummary& s) {
+  for (const LandmarkId id : delta.removed_landmarks)
+    ++(editor.remove_landmark(id) ? s.landmarks_removed : s.dropped);
   for (const auto& made : delta.new_landmarks)
     ++(make_landmark(map, editor, made) ? s.landmarks_made : s.dropped);
   for (const auto& [landmark, observation] : delta.new_observations)
@@ -37,8 +39,6 @@ void change_observations(Map& map, MapEditor& editor, const MapDelta& delta, Del
   for (const auto& [landmark, observation] : delta.removed_observations)
     ++(editor.remove_observation(map.resolve(landmark), observation) ? s.observations_removed
                                                                      : s.dropped);
-  for (const LandmarkId id : delta.removed_landmarks)
-    ++(editor.remove_landmark(id) ? s.landmarks_removed : s.dropped);
 }
 
 // What the map has never had does not count.

@@ -43,11 +43,11 @@ struct MapDelta {
   };
 
   // Applied in this order.
+  std::vector<LandmarkId> removed_landmarks;
   std::vector<NewLandmark> new_landmarks;
   std::vector<NewObservation> new_observations;
   std::vector<Fusion> fusions;
   std::vector<NewObservation> removed_observations;
-  std::vector<LandmarkId> removed_landmarks;
   std::vector<PoseChange> poses;
   std::vector<PositionChange> positions;
   std::vector<Sighting> sightings;

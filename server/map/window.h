@@ -12,7 +12,7 @@ namespace cairn {
 struct LocalWindow {
   std::vector<KeyframeId> free_keyframes;   // poses to be solved for
   std::vector<KeyframeId> fixed_keyframes;  // see the landmarks too, hold the frame; may be empty
-  std::vector<LandmarkId> landmarks;        // all that any of the free keyframes sees
+  std::vector<LandmarkId> landmarks;        // that the free keyframes see, all or most of them
 };
 
 }  // namespace cairn

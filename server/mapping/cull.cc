@@ -22,10 +22,19 @@ bool is_near(const KeyframeNode& node, std::size_t feature) {
   return f.has_depth() && rig.camera.depth(f.disparity) <= rig.max_depth;
 }
 
+// How many keyframes show much of what this one shows.
+std::size_t crowd_of(const KeyframeNode& node, const CullOptions& options) {
+  const auto shown = std::count_if(node.landmarks.begin(), node.landmarks.end(),
+                                   [](LandmarkId id) { return id.is_valid(); });
+  const double least = options.crowd_overlap * static_cast<double>(shown);
+  const auto end = std::find_if(node.covisible.begin(), node.covisible.end(),
+                                [&](const Covisible& c) { return c.shared < least; });
+  return static_cast<std::size_t>(end - node.covisible.begin());  // strongest first
+}
+
 class Redundancy {
  public:
-  Redundancy(const Map& map, const CullOptions& options)
-      : map_(map), options_(options), share_(redundant_share(map, options)) {
+  Redundancy(const Map& map, const CullOptions& options) : map_(map), options_(options) {
     map.keyframes.for_each([&](KeyframeId id, const KeyframeNode& node) {
       Newest& newest = newest_[id.epoch];
       newest.sequence = std::max(newest.sequence, id.sequence);
@@ -34,7 +43,8 @@ class Redundancy {
   }
 
   bool may_go(KeyframeId id, const KeyframeNode& node) const {
-    if (!node.parent.is_valid()) return false;
+    // Its place among the others is kept for good when it goes: not before it has been adjusted.
+    if (!node.parent.is_valid() || id.sequence >= map_.mapped_of(id.epoch)) return false;
     const Newest& newest = newest_.at(id.epoch);
     return id.sequence + options_.keep_newest <= newest.sequence ||
            newest.arrival + options_.gone_after < map_.revision;
@@ -45,7 +55,8 @@ class Redundancy {
     for (std::size_t f = 0; f < node.landmarks.size(); ++f)
       near += node.landmarks[f].is_valid() && is_near(node, f) ? 1 : 0;
     if (near < options_.min_landmarks) return false;
-    const double tolerated = (1.0 - share_) * static_cast<double>(near);
+    const double tolerated =
+        (1.0 - redundant_share(map_, node, options_)) * static_cast<double>(near);
     std::size_t alone = 0;  // landmarks that need this keyframe
     for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
       if (!node.landmarks[f].is_valid() || !is_near(node, f)) continue;
@@ -56,6 +67,7 @@ class Redundancy {
   }
 
   void remove(KeyframeId id) { removed_.insert(id); }
+  bool is_removed(KeyframeId id) const { return removed_.contains(id); }
 
  private:
   bool seen_enough(LandmarkId landmark, KeyframeId by, int octave) const {
@@ -78,27 +90,27 @@ class Redundancy {
   };
   const Map& map_;
   const CullOptions& options_;
-  const double share_;
   std::map<std::uint64_t, Newest> newest_;  // by epoch
   std::set<KeyframeId> removed_;
 };
 
 }  // namespace
 
-double redundant_share(const Map& map, const CullOptions& options) {
-  const auto fullness = [](std::size_t size, std::size_t budget) {
-    return static_cast<double>(size) / static_cast<double>(std::max<std::size_t>(budget, 1));
-  };
-  const double over = std::max(fullness(map.keyframes.size(), options.keyframe_budget),
-                               fullness(map.landmarks.size(), options.landmark_budget)) -
-                      1;
+double redundant_share(const Map& map, const KeyframeNode& node, const CullOptions& options) {
   constexpr double kFull = 0.2;
-  const double way = std::clamp(over / kFull, 0.0, 1.0);
-  return options.redundant_share + way * (options.full_share - options.redundant_share);
+  const auto over = [](std::size_t size, std::size_t limit) {
+    return static_cast<double>(size) / static_cast<double>(std::max<std::size_t>(limit, 1)) - 1;
+  };
+  const double map_is_over = std::max(over(map.keyframes.size(), options.keyframe_budget),
+                                      over(map.landmarks.size(), options.landmark_budget));
+  const double way = std::max(map_is_over / kFull, over(crowd_of(node, options), options.crowd));
+  return options.redundant_share +
+         std::clamp(way, 0.0, 1.0) * (options.full_share - options.redundant_share);
 }
 
-MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options) {
-  MapDelta delta = MapDelta::based_on(map);
+std::vector<LandmarkId> landmarks_failing_trial(const Map& map, KeyframeId newest,
+                                                const CullOptions& options) {
+  std::vector<LandmarkId> failing;
   for (std::uint32_t age = 1; age <= std::min(options.trial, newest.sequence); ++age) {
     const KeyframeId maker{newest.epoch, newest.sequence - age};
     const KeyframeNode* node = map.keyframes.find(maker);
@@ -107,24 +119,32 @@ MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& op
     for (const LandmarkId id : node->landmarks) {
       const Landmark* landmark = map.landmarks.find(id);
       if (landmark && landmark->reference == maker && fails_trial(*landmark, mono, age, options))
-        delta.removed_landmarks.push_back(id);
+        failing.push_back(id);
     }
   }
-  return delta;
+  return failing;
 }
 
-MapDelta cull_keyframes(const Map& map, KeyframeId around, const CullOptions& options) {
+MapDelta cull_keyframes(const Map& map, const std::vector<KeyframeId>& around,
+                        const CullOptions& options) {
   MapDelta delta = MapDelta::based_on(map);
-  const KeyframeNode* centre = map.keyframes.find(around);
-  if (!centre) return delta;
   Redundancy redundancy(map, options);
-  const std::size_t count = std::min(options.candidates, centre->covisible.size());
-  for (std::size_t i = 0; i < count; ++i) {
-    const KeyframeId id = centre->covisible[i].keyframe;
+  const auto may_go = [&](KeyframeId id) {
     const KeyframeNode& node = map.keyframes.at(id);
-    if (!redundancy.may_go(id, node) || !redundancy.is_redundant(id, node)) continue;
-    redundancy.remove(id);
-    delta.removed_keyframes.push_back(id);
+    return std::find(around.begin(), around.end(), id) == around.end() &&
+           !redundancy.is_removed(id) && redundancy.may_go(id, node) &&
+           redundancy.is_redundant(id, node);
+  };
+  for (const KeyframeId id : around) {
+    const KeyframeNode* centre = map.keyframes.find(id);
+    if (!centre) continue;
+    const std::size_t count = std::min(options.candidates, centre->covisible.size());
+    for (std::size_t i = 0; i < count; ++i) {
+      const KeyframeId candidate = centre->covisible[i].keyframe;
+      if (!may_go(candidate)) continue;
+      redundancy.remove(candidate);
+      delta.removed_keyframes.push_back(candidate);
+    }
   }
   return delta;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "server/map/delta.h"
 
@@ -30,16 +31,24 @@ struct CullOptions {
   // evenly to `full_share` where the map is a fifth above either of these.
   std::size_t keyframe_budget = 3000, landmark_budget = 300'000;
   double full_share = 0.6;
+  // So does a crowd, where one more view of the same is worth little and costs all of its
+  // neighbours: from `crowd` keyframes on that show this share of what the keyframe shows, to twice
+  // as many. So what a place costs does not grow with the visits to it. A client alone makes no
+  // crowd (on TUM fr1/rpy and 7-Scenes kitchen 13 at the most, 6 and 9 in the median).
+  std::size_t crowd = 15;
+  double crowd_overlap = 0.2;
 };
 
-// The share of its landmarks that others must see, for a keyframe of this map to be redundant.
-double redundant_share(const Map& map, const CullOptions& options);
+// The share of its landmarks that others must see for this keyframe of the map to be redundant.
+double redundant_share(const Map& map, const KeyframeNode& node, const CullOptions& options);
 
 // Landmarks on trial that failed it by the time of the keyframe `newest`.
-MapDelta cull_landmarks(const Map& map, KeyframeId newest, const CullOptions& options = {});
+std::vector<LandmarkId> landmarks_failing_trial(const Map& map, KeyframeId newest,
+                                                const CullOptions& options = {});
 
-// Redundant keyframes among those covisible with `around`; never roots, `around` itself or the
-// newest of a client. What one removal takes away counts for the next. Deterministic.
-MapDelta cull_keyframes(const Map& map, KeyframeId around, const CullOptions& options = {});
+// Redundant keyframes among those covisible with one of `around`; never roots, those themselves,
+// the newest of a client or what has not been through local mapping. What one removal takes away counts for the next. Deterministic.
+MapDelta cull_keyframes(const Map& map, const std::vector<KeyframeId>& around,
+                        const CullOptions& options = {});
 
 }  // namespace cairn

@@ -70,8 +70,7 @@ MapDelta fuse(const Map& map, KeyframeId id, GridCache& grids, const FuseOptions
   MapDelta delta = MapDelta::based_on(map);
   const KeyframeNode* node = map.keyframes.find(id);
   if (!node) return delta;
-  const std::vector<KeyframeId> others =
-      neighbourhood(map, id, options.first, options.second, options.limit);
+  const std::vector<KeyframeId> others = neighbourhood(map, id, options.first, options.limit);
   Findings findings(map, delta);
   if (direction != FuseDirection::kInto) {
     const std::vector<const Landmark*> own = pointers(map, {id});

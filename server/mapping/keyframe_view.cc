@@ -31,6 +31,22 @@ std::shared_ptr<const FeatureGrid> GridCache::grid(const Keyframe& keyframe) {
   return grid;
 }
 
+std::optional<Eigen::Vector3d> can_show(const KeyframeNode& node, const Rigid3& camera_from_map,
+                                        const Landmark& landmark) {
+  const Eigen::Vector3d p = camera_from_map * landmark.position;
+  if (p.z() < kMinDepth) return std::nullopt;
+  const PinholeCamera& c = node.rig().camera;
+  const Eigen::Vector2d pixel = c.project(p);
+  if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= c.width || pixel.y() >= c.height)
+    return std::nullopt;
+  const double distance = p.norm();
+  if (distance < 0.8 * landmark.min_distance || distance > 1.2 * landmark.max_distance)
+    return std::nullopt;
+  const Eigen::Vector3d to_camera = node.map_from_camera.origin() - landmark.position;
+  if (to_camera.dot(landmark.normal) < kMinCosine * distance) return std::nullopt;
+  return p;
+}
+
 KeyframeView::KeyframeView(const KeyframeNode& n, GridCache& grids)
     : node(&n),
       camera_from_map(n.map_from_camera.inverse()),
@@ -41,21 +57,14 @@ KeyframeView::KeyframeView(const KeyframeNode& n, GridCache& grids)
 }
 
 std::optional<Projection> KeyframeView::project(const Landmark& landmark) const {
-  const Eigen::Vector3d p = camera_from_map * landmark.position;
-  if (p.z() < kMinDepth) return std::nullopt;
-  const PinholeCamera& c = camera();
-  Projection projection{.pixel = c.project(p), .disparity = c.disparity(p.z()), .octave = 0};
-  const Eigen::Vector2d& pixel = projection.pixel;
-  if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() >= c.width || pixel.y() >= c.height)
-    return std::nullopt;
-  const double distance = p.norm();
-  if (distance < 0.8 * landmark.min_distance || distance > 1.2 * landmark.max_distance)
-    return std::nullopt;
-  const Eigen::Vector3d to_camera = node->map_from_camera.origin() - landmark.position;
-  if (to_camera.dot(landmark.normal) < kMinCosine * distance) return std::nullopt;
-  const double octave = std::ceil(std::log(landmark.max_distance / distance) * inverse_log_factor_);
-  projection.octave = std::clamp(static_cast<int>(octave), 0, static_cast<int>(scales_.size()) - 1);
-  return projection;
+  const auto p = can_show(*node, camera_from_map, landmark);
+  if (!p) return std::nullopt;
+  const double octave =
+      std::ceil(std::log(landmark.max_distance / p->norm()) * inverse_log_factor_);
+  return Projection{
+      .pixel = camera().project(*p),
+      .disparity = camera().disparity(p->z()),
+      .octave = std::clamp(static_cast<int>(octave), 0, static_cast<int>(scales_.size()) - 1)};
 }
 
 bool KeyframeView::fits(const Projection& projection, const Feature& f) const {

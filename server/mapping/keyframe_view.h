@@ -39,6 +39,12 @@ struct Projection {
   int octave = 0;        // predicted
 };
 
+// Where a landmark is as seen from a keyframe (metres, camera frame), if it can show there: inside
+// the image, neither too near nor too far for the pyramid (0.8 min_distance to 1.2 max_distance),
+// and seen less than 60 degrees off its normal.
+std::optional<Eigen::Vector3d> can_show(const KeyframeNode& node, const Rigid3& camera_from_map,
+                                        const Landmark& landmark);
+
 // Refers to the node: keep the snapshot while using it. Safe to read from several threads.
 class KeyframeView {
  public:
@@ -49,8 +55,7 @@ class KeyframeView {
   const Feature& feature(std::uint16_t f) const { return node->features().points[f]; }
   double scale(int octave) const { return scales_[static_cast<std::size_t>(octave)]; }
 
-  // Nothing where the landmark can't be found: outside the image, too near or too far for the
-  // pyramid (0.8 min_distance to 1.2 max_distance), or seen more than 60 degrees off its normal.
+  // Nothing where the landmark can't show.
   std::optional<Projection> project(const Landmark& landmark) const;
 
   // The feature that looks most like the landmark, among those within `radius` pixels (times the

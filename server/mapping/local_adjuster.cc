@@ -13,6 +13,9 @@ namespace {
 // Keyframes that are free besides those that a solve is for, at the least.
 constexpr std::size_t kLeastBesides = 2;
 
+// That a keyframe is held by in a window that is no longer full size; a quarter of it does still.
+constexpr std::size_t kLandmarksEach = 400;
+
 // By how much more than `from` wait, down to a quarter.
 LocalWindowOptions thinned(LocalWindowOptions window, std::size_t backlog, std::size_t from) {
   constexpr double kLeast = 0.25;
@@ -23,6 +26,7 @@ LocalWindowOptions thinned(LocalWindowOptions window, std::size_t backlog, std::
   };
   window.max_free = thin(window.max_free);
   window.max_fixed = thin(window.max_fixed);
+  window.landmarks_each = thin(kLandmarksEach);
   return window;
 }
 
@@ -82,9 +86,9 @@ LocalAdjuster::Claim LocalAdjuster::claim(std::size_t more_coming) {
     // However small the window, all that it is for are free in it, and some of what they see.
     claim.window.max_free = std::max(
         max_free, std::min(options_.window.max_free, claim.centres.size() + kLeastBesides));
-    const LocalWindow window = choose_local_window(*map, claim.centres, claim.window);
-    if (is_free(window.free_keyframes) && is_free(claim.centres)) {
-      claim.region.insert(window.free_keyframes.begin(), window.free_keyframes.end());
+    const auto free = choose_free_keyframes(*map, claim.centres, claim.window);
+    if (is_free(free) && is_free(claim.centres)) {
+      claim.region.insert(free.begin(), free.end());
       break;
     }
     claim.centres.clear();
@@ -120,10 +124,9 @@ LocalAdjustment LocalAdjuster::adjust(std::size_t more_coming, std::stop_token s
     return delta;
   });
   report.solve_ms = lap(watch);
-  for (const KeyframeId id : claim.centres)
-    report.keyframes_culled += take_step(writer_, [&](const Map& map) {
-                                 return cull_keyframes(map, id, options_.cull);
-                               }).keyframes_removed;
+  report.keyframes_culled = take_step(writer_, [&](const Map& map) {
+                              return cull_keyframes(map, claim.centres, options_.cull);
+                            }).keyframes_removed;
   report.cull_ms = lap(watch);
   release(claim);
   report.keyframes = claim.centres;

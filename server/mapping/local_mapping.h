@@ -1,17 +1,17 @@
 // What the server does with each keyframe that has arrived, step by step:
 //
-//   cull_landmarks   landmarks that failed their trial go
-//   fuse (kInto)     landmarks of the neighbours that it sees, and nobody reported
+//   fuse (kInto)     landmarks of the neighbours that it sees, and nobody reported;
+//                    those that failed their trial go
 //   triangulate      new landmarks, from what it then still sees without knowing
-//   fuse (kFrom)     its landmarks in the neighbours
-//   count_sightings  what was found where it should be
+//   fuse (kFrom)     its landmarks in the neighbours;
+//                    what was found where it should be is counted
 //
 // and then, for keyframes of all clients together (local_adjuster.h):
 //
 //   solve            local bundle adjustment, poses and landmarks; counts as mapped from here on
 //   cull_keyframes   keyframes that say nothing new go
 //
-// Each step is a delta (step.h). The method is that of ORB-SLAM (Mur-Artal et al. 2015, section
+// Each of these is a delta (step.h). The method is that of ORB-SLAM (Mur-Artal et al. 2015, section
 // VI), but for the search before triangulation: keyframes come from a client whose local map may
 // lack what the server has.
 #pragma once
@@ -33,12 +33,9 @@ struct LocalMappingOptions {
   std::size_t sighting_neighbours = 10;
 };
 
-// Milliseconds that each step took, waiting for the writer included, and what came of it.
 struct LocalMappingReport {
-  bool found = false;  // false: the map has no such keyframe (any more)
-  double cull_landmarks_ms = 0, triangulate_ms = 0, sightings_ms = 0;
-  double fuse_ms = 0;  // both directions
-  double total_ms = 0;
+  bool found = false;   // false: the map has no such keyframe (any more)
+  double total_ms = 0;  // waiting for the writer included
   int landmarks_culled = 0, landmarks_made = 0, observations_added = 0, fused = 0;
 };
 
@@ -53,8 +50,6 @@ class LocalMapping {
   LocalMappingReport extend(KeyframeId id);
 
  private:
-  void fuse_with_neighbours(KeyframeId id, FuseDirection direction, LocalMappingReport& report);
-
   MapWriter& writer_;
   const LocalMappingOptions options_;
   GridCache grids_;

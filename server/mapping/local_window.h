@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <span>
+#include <vector>
 
 #include "server/map/map.h"
 #include "server/map/window.h"
@@ -13,6 +15,9 @@ struct LocalWindowOptions {
   std::size_t max_free = 15;
   std::size_t max_fixed = 25;
   int min_shared = 15;  // landmarks with the new keyframes, to be solved for along with them
+  // Landmarks that others see most come first; one is left out once all free keyframes that see it
+  // have so many.
+  std::size_t landmarks_each = SIZE_MAX;
 };
 
 // The new keyframes (`centres`, those gone are skipped) and the ones most covisible with them are
@@ -21,5 +26,10 @@ struct LocalWindowOptions {
 // the free ones is.
 LocalWindow choose_local_window(const Map& map, std::span<const KeyframeId> centres,
                                 const LocalWindowOptions& options = {});
+
+// The free ones of that window, without the work of choosing the rest; where nothing else would
+// hold the frame, the one that would be held is among them.
+std::vector<KeyframeId> choose_free_keyframes(const Map& map, std::span<const KeyframeId> centres,
+                                              const LocalWindowOptions& options = {});
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <vector>
 
 #include "server/map/delta.h"
 #include "server/mapping/keyframe_view.h"
@@ -10,9 +11,11 @@ namespace cairn {
 
 // For the keyframe `id`, once its matches are in: one `visible` for each landmark that it sees or,
 // of those that its `neighbours` most covisible keyframes see, should see (KeyframeView::project);
-// one `found` for each that it sees. Landmarks that refer to this keyframe itself don't count: they
-// come with one of each. Empty when the keyframe is gone.
-MapDelta count_sightings(const Map& map, KeyframeId id, GridCache& grids,
-                         std::size_t neighbours = 10);
+// one `found` for each that it sees, be it through one that is about to be fused with it. Landmarks
+// that refer to this keyframe itself don't count: they come with one of each. Empty when the
+// keyframe is gone.
+std::vector<MapDelta::Sighting> sightings(const Map& map, KeyframeId id, GridCache& grids,
+                                          std::size_t neighbours = 10,
+                                          const std::vector<MapDelta::Fusion>& fusions = {});
 
 }  // namespace cairn

@@ -38,8 +38,9 @@ class LateServer {
   void take(const KeyframePtr& keyframe, int frame) {
     const KeyframeId id = keyframe->id;
     apply_keyframe(map_, keyframe);
-    apply_delta(map_, cull_landmarks(map_, id));
-    apply_delta(map_, fuse(map_, id, grids_, {}, FuseDirection::kInto));
+    MapDelta first = fuse(map_, id, grids_, {}, FuseDirection::kInto);
+    first.removed_landmarks = landmarks_failing_trial(map_, id);
+    apply_delta(map_, first);
     apply_delta(map_, triangulate(map_, id));
     apply_delta(map_, fuse(map_, id, grids_, {}, FuseDirection::kFrom));
     const KeyframeId centres[] = {id};

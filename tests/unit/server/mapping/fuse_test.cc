@@ -119,7 +119,8 @@ TEST(Sightings, CountWhatShouldBeSeenAndWhatIs) {
   const SyntheticMap world({.keyframes = 4, .report_share = 0.5});
   Map map = built(world);
   GridCache grids;
-  const MapDelta delta = count_sightings(map, {7, 3}, grids);
+  MapDelta delta = MapDelta::based_on(map);
+  delta.sightings = sightings(map, {7, 3}, grids);
   int found = 0, missed = 0;
   for (const auto& [id, visible, seen] : delta.sightings) {
     EXPECT_EQ(visible, 1u);
@@ -133,6 +134,19 @@ TEST(Sightings, CountWhatShouldBeSeenAndWhatIs) {
   const std::uint32_t visible = map.landmarks.at(id).visible;
   apply_delta(map, delta);
   EXPECT_EQ(map.landmarks.at(id).visible, visible + 1);
+}
+
+TEST(Sightings, WhatIsAboutToBeFusedWithOneSeenIsFound) {
+  const SyntheticMap world({.keyframes = 4, .report_share = 0.5, .duplicate_share = 0.5});
+  const Map map = built(world);
+  GridCache grids;
+  const auto fusions = fuse(map, {7, 3}, grids, {}, FuseDirection::kFrom).fusions;
+  ASSERT_FALSE(fusions.empty());
+  const auto count_found = [](const std::vector<MapDelta::Sighting>& all) {
+    return std::count_if(all.begin(), all.end(), [](const auto& s) { return s.found > 0; });
+  };
+  EXPECT_GT(count_found(sightings(map, {7, 3}, grids, 10, fusions)),
+            count_found(sightings(map, {7, 3}, grids)));
 }
 
 }  // namespace

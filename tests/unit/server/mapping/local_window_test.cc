@@ -57,5 +57,42 @@ TEST(LocalWindow, CoalescedKeyframesAreAllCentres) {
   EXPECT_THAT(window.free_keyframes, ElementsAre(kf(4), kf(11)));
 }
 
+TEST(LocalWindow, ThinnedKeepsWhatMostSeeAndEnoughForEach) {
+  const SyntheticMap world({.keyframes = 12});
+  const Map map = built(world);
+  const std::vector<KeyframeId> centres{kf(11)};
+  const LocalWindow all = choose_local_window(map, centres, {.max_free = 5});
+  const LocalWindow thin = choose_local_window(map, centres, {.max_free = 5, .landmarks_each = 30});
+  EXPECT_EQ(thin.free_keyframes, all.free_keyframes);
+  EXPECT_LT(thin.landmarks.size(), all.landmarks.size() / 2);
+  EXPECT_TRUE(std::is_sorted(thin.landmarks.begin(), thin.landmarks.end()));
+  const auto views = [&](const std::vector<LandmarkId>& landmarks) {
+    double sum = 0;
+    for (const LandmarkId l : landmarks)
+      sum += static_cast<double>(map.landmarks.at(l).observations.size());
+    return sum / static_cast<double>(landmarks.size());
+  };
+  EXPECT_GT(views(thin.landmarks), views(all.landmarks));
+  for (const KeyframeId id : thin.free_keyframes) {
+    const auto& shown = map.keyframes.at(id).landmarks;
+    EXPECT_GE(std::count_if(shown.begin(), shown.end(),
+                            [&](LandmarkId l) {
+                              return std::binary_search(thin.landmarks.begin(),
+                                                        thin.landmarks.end(), l);
+                            }),
+              30);
+  }
+}
+
+TEST(LocalWindow, TheFreeOnesCanBeHadAlone) {
+  const SyntheticMap world({.keyframes = 12});
+  const Map map = built(world);
+  for (const std::uint32_t centre : {2u, 6u, 11u}) {
+    const std::vector<KeyframeId> centres{kf(centre)};
+    EXPECT_EQ(choose_free_keyframes(map, centres, {.max_free = 6}),
+              choose_local_window(map, centres, {.max_free = 6}).free_keyframes);
+  }
+}
+
 }  // namespace
 }  // namespace cairn
