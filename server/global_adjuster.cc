@@ -13,6 +13,7 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRestarts = 2;
+constexpr auto kBurst = std::chrono::seconds(1);
 // It takes seconds, and mapping goes first (yield_to_others()); but clients that have come to their
 // end wait for it.
 constexpr int kGivesWay = 7;
@@ -30,18 +31,23 @@ GlobalAdjuster::~GlobalAdjuster() {
   stop();
 }
 
-GlobalAdjuster::Ticket GlobalAdjuster::request(KeyframeId part_of, bool restart) {
+GlobalAdjuster::Ticket GlobalAdjuster::request(KeyframeId part_of, bool after_loop) {
   std::lock_guard lock(mutex_);
   const Ticket ticket = ++last_ticket_;
-  if (!closed_) waiting_.push_back({.part_of = part_of, .tickets = {ticket}});
-  if (restart && may_restart_) current_.request_stop();
+  if (!closed_)
+    waiting_.push_back({.part_of = part_of, .after_loop = after_loop, .tickets = {ticket}});
+  if (after_loop) last_loop_ = Clock::now();
+  if (after_loop && may_restart_) current_.request_stop();
   changed_.notify_all();
   return ticket;
 }
 
 void GlobalAdjuster::wait_idle() {
   std::unique_lock lock(mutex_);
+  ++waiters_;
+  changed_.notify_all();
   changed_.wait(lock, [&] { return closed_ || (!busy_ && waiting_.empty()); });
+  --waiters_;
 }
 
 std::uint64_t GlobalAdjuster::adjustments() const {
@@ -72,10 +78,20 @@ GlobalAdjuster::Request GlobalAdjuster::take() {
   return request;
 }
 
+void GlobalAdjuster::wait_for_work(std::unique_lock<std::mutex>& lock) {
+  changed_.wait(lock, [&] { return closed_ || !waiting_.empty(); });
+  const auto is_wanted_now = [&] {
+    return closed_ || waiters_ > 0 || Clock::now() >= last_loop_ + kBurst ||
+           std::any_of(waiting_.begin(), waiting_.end(),
+                       [](const Request& r) { return !r.after_loop; });
+  };
+  while (!is_wanted_now()) changed_.wait_until(lock, last_loop_ + kBurst);
+}
+
 void GlobalAdjuster::run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    changed_.wait(lock, [&] { return closed_ || !waiting_.empty(); });
+    wait_for_work(lock);
     if (closed_) return;
     Request request = take();
     busy_ = true;

@@ -2,6 +2,7 @@
 // has become void by a loop that was closed meanwhile is started anew; nobody waits for it.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -29,9 +30,11 @@ class GlobalAdjuster {
   GlobalAdjuster& operator=(const GlobalAdjuster&) = delete;
 
   // Adjusts the part of the map that holds this keyframe, as it is when its turn comes. Requests
-  // for one part that wait together are one. With `restart` the adjustment under way starts over,
-  // since a loop has made it void; but not for ever: after two restarts it runs to its end.
-  Ticket request(KeyframeId part_of, bool restart);
+  // for one part that wait together are one. With `after_loop` the adjustment under way starts
+  // over, since a loop has made it void; but not for ever: after two restarts it runs to its end.
+  // Loops come in bursts, when clients meet: unless something else waits too, the adjustment begins
+  // once a second has passed without another one.
+  Ticket request(KeyframeId part_of, bool after_loop);
   // Until nothing is under way or asked for, or stop().
   void wait_idle();
   std::uint64_t adjustments() const;  // that changed the map
@@ -40,12 +43,16 @@ class GlobalAdjuster {
   void stop();
 
  private:
+  using Clock = std::chrono::steady_clock;
   struct Request {
     KeyframeId part_of;
+    bool after_loop = false;
     std::vector<Ticket> tickets;
     int restarts = 0;
   };
   void run();
+  // Until there is something to do, or closed_.
+  void wait_for_work(std::unique_lock<std::mutex>& lock);
   // The first request, with those for the same part.
   Request take();
   // False: it was stopped.
@@ -58,6 +65,8 @@ class GlobalAdjuster {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Request> waiting_;
+  Clock::time_point last_loop_{};
+  int waiters_ = 0;  // in wait_idle()
   bool busy_ = false, closed_ = false, may_restart_ = true;
   std::stop_source current_;
   Ticket last_ticket_ = 0;

@@ -1,0 +1,71 @@
+#include "server/global_adjuster.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <condition_variable>
+#include <mutex>
+#include <vector>
+
+#include "common/util/clock.h"
+#include "tests/unit/server/synthetic_map.h"
+
+namespace cairn {
+namespace {
+
+using Ticket = GlobalAdjuster::Ticket;
+using testing::ElementsAre;
+using testing::SizeIs;
+
+struct Adjusting {
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::vector<std::vector<Ticket>> done;  // of each adjustment
+  MapWriter writer{built(SyntheticMap({.keyframes = 5}))};
+  GlobalAdjuster adjuster{writer, {}, [this](const std::vector<Ticket>& tickets) {
+                            {
+                              std::lock_guard lock(mutex);
+                              done.push_back(tickets);
+                            }
+                            changed.notify_all();
+                          }};
+
+  // Until the ticket is done, without telling the adjuster that somebody waits.
+  void wait_for(Ticket ticket) {
+    std::unique_lock lock(mutex);
+    changed.wait_for(lock, std::chrono::seconds(30), [&] {
+      return !done.empty() && std::count(done.back().begin(), done.back().end(), ticket) > 0;
+    });
+  }
+};
+
+TEST(GlobalAdjuster, ABurstOfLoopsIsAdjustedOnce) {
+  Adjusting run;
+  const Stopwatch watch;
+  Ticket last = 0;
+  for (int i = 0; i < 5; ++i) last = run.adjuster.request({7, 4}, true);
+  run.wait_for(last);
+  EXPECT_THAT(run.done, ElementsAre(SizeIs(5)));
+  EXPECT_GE(watch.milliseconds(), 900);
+}
+
+TEST(GlobalAdjuster, WhoWaitsIsNotKeptWaitingForMoreLoops) {
+  Adjusting run;
+  run.adjuster.request({7, 4}, true);
+  const Stopwatch watch;
+  run.adjuster.wait_idle();
+  EXPECT_THAT(run.done, ElementsAre(SizeIs(1)));
+  EXPECT_LT(watch.milliseconds(), 900);
+}
+
+TEST(GlobalAdjuster, WhatIsNoLoopBeginsAtOnce) {
+  Adjusting run;
+  run.adjuster.request({7, 4}, true);
+  const Stopwatch watch;
+  run.wait_for(run.adjuster.request({7, 3}, false));
+  EXPECT_THAT(run.done, ElementsAre(SizeIs(2)));  // one part, one adjustment
+  EXPECT_LT(watch.milliseconds(), 900);
+}
+
+}  // namespace
+}  // namespace cairn
