@@ -24,7 +24,9 @@ class ClientDesk {
              const PublishOptions& publish = {});
 
   // Local mapping of a keyframe of this client, up to the solve.
-  LocalMappingReport extend(KeyframeId id) { return mapping_.extend(id); }
+  LocalMappingReport extend(KeyframeId id, std::size_t waiting = 0) {
+    return mapping_.extend(id, waiting);
+  }
 
   // Sends what the client has not been told yet, if anything, or all anew when it wants a refresh.
   // What `send` refuses the client has not heard of: the next time starts over.

@@ -283,7 +283,7 @@ void Pipeline::carry_out(const ClientId& client, ClientDesk& desk, const Job& jo
 
 void Pipeline::extend(const ClientId& client, ClientDesk& desk, KeyframeId id) {
   --unextended_;
-  const LocalMappingReport report = desk.extend(id);
+  const LocalMappingReport report = desk.extend(id, awaiting_mapping());
   log::debug(
       "extended keyframe {} of {} in {:.0f} ms: {} made, {} fused, {} added, {} landmarks culled",
       id.sequence, client.name, report.total_ms, report.landmarks_made, report.fused,

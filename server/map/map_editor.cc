@@ -21,6 +21,13 @@ void change_shared(std::vector<Covisible>& list, KeyframeId other, int change) {
   if (it->shared == 0) list.erase(it);
 }
 
+// Of many views, one more or less hardly changes which is the most typical.
+bool is_worth_a_descriptor(const Landmark& landmark) {
+  constexpr std::size_t kFew = 8, kEvery = 4;
+  const std::size_t views = landmark.observations.size();
+  return views <= kFew || views % kEvery == 0;
+}
+
 // Strongest first. Few have changed, and by little: each goes to its place among those before it.
 void restore_order(std::vector<Covisible>& list) {
   for (auto it = list.begin(); it != list.end(); ++it) {
@@ -213,7 +220,8 @@ void MapEditor::finish() {
     Landmark* landmark = map_.landmarks.edit(id);
     if (!landmark) continue;
     landmark->revision = map_.revision;
-    if (what == Touch::kObservations) refresh_descriptor(map_, *landmark);
+    if (what == Touch::kObservations && is_worth_a_descriptor(*landmark))
+      refresh_descriptor(map_, *landmark);
     refresh_geometry(map_, *landmark);
   }
   touched_.clear();

@@ -31,6 +31,7 @@ struct LocalMappingOptions {
   FuseOptions fuse;
   CullOptions cull;
   std::size_t sighting_neighbours = 10;
+  std::size_t hurry_from = 4;  // keyframes that wait
 };
 
 struct LocalMappingReport {
@@ -46,8 +47,9 @@ class LocalMapping {
   // `writer` must outlive this.
   explicit LocalMapping(MapWriter& writer, const LocalMappingOptions& options = {});
 
-  // The steps up to the solve.
-  LocalMappingReport extend(KeyframeId id);
+  // The steps up to the solve. With more than `hurry_from` keyframes waiting behind this
+  // one, half as many neighbours are asked for landmarks in common.
+  LocalMappingReport extend(KeyframeId id, std::size_t waiting = 0);
 
  private:
   MapWriter& writer_;
