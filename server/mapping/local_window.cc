@@ -26,15 +26,20 @@ std::vector<KeyframeId> most(const Counts& counts, std::size_t limit) {
 // Centres first, newest first if there are too many; then the most covisible.
 std::vector<KeyframeId> choose_moving(const Map& map, std::span<const KeyframeId> centres,
                                       const LocalWindowOptions& options) {
+  const bool mono = std::any_of(centres.begin(), centres.end(), [&](KeyframeId id) {
+    const KeyframeNode* node = map.keyframes.find(id);
+    return node && node->rig().sensor == Sensor::kMono;
+  });
+  const std::size_t max_free = options.max_free * (mono ? options.mono_times : 1);
   std::set<KeyframeId> chosen;
-  for (auto c = centres.rbegin(); c != centres.rend() && chosen.size() < options.max_free; ++c)
+  for (auto c = centres.rbegin(); c != centres.rend() && chosen.size() < max_free; ++c)
     if (map.keyframes.contains(*c)) chosen.insert(*c);
   Counts shared;
   for (const KeyframeId centre : chosen)
     for (const Covisible& c : map.keyframes.at(centre).covisible)
       if (c.shared >= options.min_shared && !chosen.contains(c.keyframe))
         shared[c.keyframe] = std::max(shared[c.keyframe], c.shared);
-  for (const KeyframeId id : most(shared, options.max_free - chosen.size())) chosen.insert(id);
+  for (const KeyframeId id : most(shared, max_free - chosen.size())) chosen.insert(id);
   return {chosen.begin(), chosen.end()};
 }
 

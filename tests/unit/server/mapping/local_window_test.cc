@@ -94,5 +94,20 @@ TEST(LocalWindow, TheFreeOnesCanBeHadAlone) {
   }
 }
 
+TEST(LocalWindow, WithoutDepthItReachesFurtherBack) {
+  const SyntheticMap world({.keyframes = 12});
+  Map map;
+  for (const KeyframePtr& made : world.keyframes) {
+    auto keyframe = std::make_shared<Keyframe>(*made);
+    auto rig = std::make_shared<Rig>(*made->rig);
+    rig->sensor = Sensor::kMono;
+    keyframe->rig = rig;
+    apply_keyframe(map, keyframe);
+  }
+  const std::vector<KeyframeId> centres{kf(11)};
+  EXPECT_EQ(choose_free_keyframes(built(world), centres, {.max_free = 4}).size(), 4u);
+  EXPECT_EQ(choose_free_keyframes(map, centres, {.max_free = 4}).size(), 8u);
+}
+
 }  // namespace
 }  // namespace cairn
