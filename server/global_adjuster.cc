@@ -13,7 +13,7 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRestarts = 2;
-constexpr auto kBurst = std::chrono::seconds(1);
+constexpr auto kPause = std::chrono::seconds(1), kLongestBurst = std::chrono::seconds(5);
 // It takes seconds, and mapping goes first (yield_to_others()); but clients that have come to their
 // end wait for it.
 constexpr int kGivesWay = 7;
@@ -34,8 +34,7 @@ GlobalAdjuster::~GlobalAdjuster() {
 GlobalAdjuster::Ticket GlobalAdjuster::request(KeyframeId part_of, bool after_loop) {
   std::lock_guard lock(mutex_);
   const Ticket ticket = ++last_ticket_;
-  if (!closed_)
-    waiting_.push_back({.part_of = part_of, .after_loop = after_loop, .tickets = {ticket}});
+  if (!closed_) waiting_.push_back({part_of, after_loop, Clock::now(), {ticket}});
   if (after_loop) last_loop_ = Clock::now();
   if (after_loop && may_restart_) current_.request_stop();
   changed_.notify_all();
@@ -81,11 +80,14 @@ GlobalAdjuster::Request GlobalAdjuster::take() {
 void GlobalAdjuster::wait_for_work(std::unique_lock<std::mutex>& lock) {
   changed_.wait(lock, [&] { return closed_ || !waiting_.empty(); });
   const auto is_wanted_now = [&] {
-    return closed_ || waiters_ > 0 || Clock::now() >= last_loop_ + kBurst ||
+    return closed_ || waiters_ > 0 ||
            std::any_of(waiting_.begin(), waiting_.end(),
                        [](const Request& r) { return !r.after_loop; });
   };
-  while (!is_wanted_now()) changed_.wait_until(lock, last_loop_ + kBurst);
+  const auto burst_ends = [&] {
+    return std::min(last_loop_ + kPause, waiting_.front().asked + kLongestBurst);
+  };
+  while (!is_wanted_now() && Clock::now() < burst_ends()) changed_.wait_until(lock, burst_ends());
 }
 
 void GlobalAdjuster::run() {

@@ -33,7 +33,7 @@ class GlobalAdjuster {
   // for one part that wait together are one. With `after_loop` the adjustment under way starts
   // over, since a loop has made it void; but not for ever: after two restarts it runs to its end.
   // Loops come in bursts, when clients meet: unless something else waits too, the adjustment begins
-  // once a second has passed without another one.
+  // once a second has passed without another one, or five in all.
   Ticket request(KeyframeId part_of, bool after_loop);
   // Until nothing is under way or asked for, or stop().
   void wait_idle();
@@ -47,6 +47,7 @@ class GlobalAdjuster {
   struct Request {
     KeyframeId part_of;
     bool after_loop = false;
+    Clock::time_point asked{};
     std::vector<Ticket> tickets;
     int restarts = 0;
   };
