@@ -29,15 +29,16 @@ class LoopsWith : public ::testing::TestWithParam<Sensor> {
   }
 };
 
-// Once round the corridor, and some metres into the second round.
+// Once round the corridor, and some metres into the second round. In lockstep: what a single camera
+// is off by at the end, 0.013 m here, is 0.028 on a machine that can't keep up with the frames.
 TEST_P(LoopsWith, ALongWayRoundIsClosed) {
   if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   Deployment deployment;
   const auto server = deployment.server();
   const std::string trajectory = deployment.file("out.tum").string();
   const auto client = deployment.client("walker", spec("corridor", 1250),
-                                        {"--max-rate", "--trajectory", trajectory});
-  EXPECT_EQ(client->wait(seconds(240)), 0) << client->err();
+                                        {"--lockstep", "--trajectory", trajectory});
+  EXPECT_EQ(client->wait(seconds(280)), 0) << client->err();
   EXPECT_EQ(client->reported("tracked"), 1250);
   server->signal(SIGTERM);
   EXPECT_EQ(server->wait(seconds(30)), 0) << server->err();
