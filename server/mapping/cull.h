@@ -47,7 +47,8 @@ std::vector<LandmarkId> landmarks_failing_trial(const Map& map, KeyframeId newes
                                                 const CullOptions& options = {});
 
 // Redundant keyframes among those covisible with one of `around`; never roots, those themselves,
-// the newest of a client or what has not been through local mapping. What one removal takes away counts for the next. Deterministic.
+// the newest of a client or what has not been through local mapping. What one removal takes away
+// counts for the next. Deterministic.
 MapDelta cull_keyframes(const Map& map, const std::vector<KeyframeId>& around,
                         const CullOptions& options = {});
 

@@ -18,10 +18,10 @@ struct FuseOptions {
 // kInto: landmarks of the neighbours are looked for in the keyframe; kFrom: its own in them.
 enum class FuseDirection { kInto, kFrom, kBoth };
 
-// Projects the landmarks of the keyframe into its neighbours, and those of the neighbours
-// into the keyframe. Where a free feature fits, the landmark gets an observation;
-// where one fits that shows another landmark, the two are fused, in favour of the one with more
-// observations (of the smaller id, if equal). Deterministic; empty when the keyframe is gone.
+// Projects the landmarks of the keyframe into its neighbours, and those of the neighbours into the
+// keyframe. Where a free feature fits, the landmark gets an observation; where one fits that shows
+// another landmark, the two are fused, in favour of the one with more observations (of the smaller
+// id, if equal). Deterministic; empty when the keyframe is gone.
 MapDelta fuse(const Map& map, KeyframeId id, GridCache& grids, const FuseOptions& options = {},
               FuseDirection direction = FuseDirection::kBoth);
 

@@ -47,8 +47,8 @@ class LocalMapping {
   // `writer` must outlive this.
   explicit LocalMapping(MapWriter& writer, const LocalMappingOptions& options = {});
 
-  // The steps up to the solve. With more than `hurry_from` keyframes waiting behind this
-  // one, half as many neighbours are asked for landmarks in common.
+  // The steps up to the solve. With more than `hurry_from` keyframes waiting behind this one, half
+  // as many neighbours are asked for landmarks in common.
   LocalMappingReport extend(KeyframeId id, std::size_t waiting = 0);
 
  private:
