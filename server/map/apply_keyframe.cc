@@ -42,7 +42,7 @@ bool is_plausible(const Sim3& pose) {
 Sim3 pose_on_arrival(const Map& map, const Keyframe& keyframe) {
   if (keyframe.reference.is_valid())
     if (const auto map_from_reference = map.scaled_pose_of(keyframe.reference)) {
-      const Sim3 pose = *map_from_reference * keyframe.reference_from_camera;
+      Sim3 pose = *map_from_reference * keyframe.reference_from_camera;
       if (is_plausible(pose)) return pose;
     }
   if (map.keyframes.empty() && keyframe.id.sequence == 0) return {};
