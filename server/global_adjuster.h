@@ -1,5 +1,5 @@
 // Global bundle adjustment in the background: one thread, one part of the map at a time. Whatever
-// has become void by a loop that was closed meanwhile is started anew; nobody waits for it.
+// has become void by a loop that was closed meanwhile is started anew; mapping does not wait.
 #pragma once
 
 #include <chrono>

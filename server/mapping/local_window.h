@@ -24,7 +24,7 @@ struct LocalWindowOptions {
 };
 
 // The new keyframes (`centres`, those gone are skipped) and the ones most covisible with them are
-// free, with all landmarks that they see; of the others that see these landmarks, those that see
+// free, with the landmarks that they see; of the others that see these landmarks, those that see
 // most are fixed. Roots are fixed always; where nothing else would hold the frame, the oldest of
 // the free ones is.
 LocalWindow choose_local_window(const Map& map, std::span<const KeyframeId> centres,

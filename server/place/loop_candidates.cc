@@ -89,7 +89,7 @@ std::vector<LoopCandidate> best_groups(const Map& map, std::vector<PlaceMatch> m
 }
 
 // A common root of the spanning tree tells quickly that two are connected. Where that says nothing
-// (parts that were merged keep their roots) the whole part is visited.
+// (map files from before merged parts were hung on each other) the whole part is visited.
 void mark_other_islands(const Map& map, KeyframeId query, std::vector<LoopCandidate>& candidates) {
   if (candidates.empty()) return;  // perhaps because the map does not have the query
   const KeyframeId root = root_of(map, query);
