@@ -61,14 +61,16 @@ DeltaSummary apply_loop(Map& map, const LoopClosure& closure);
 // ones.
 bool remove_keyframe(Map& map, KeyframeId id);
 
-// Forgets what became of landmarks and keyframes that ended more than kFormerKept keyframes ago, so
-// that these tables are bounded by the pace of change and not by the map's age. Now and then only,
-// when the map has been given a round number of keyframes; apply_keyframe() does it.
+// Forgets what became of landmarks and keyframes that ended so many keyframes ago, so that these
+// tables are bounded by the pace of change and not by the map's age. Now and then only, when the map
+// has been given a round number of keyframes; apply_keyframe() does it.
 //
-// Who still uses so old a name loses little: a match with it is made anew from its feature's depth
-// or is rejected, and a client keeps the place that it has for the keyframe.
+// Who still uses so old a name loses little: a match with it means what its feature shows now, is
+// made anew from that feature's depth or is rejected, and a client keeps the place that it has for
+// the keyframe. Landmarks are kept for less long, as a keyframe ends hundreds of them where others
+// have mapped before.
 void forget_former(Map& map);
-inline constexpr std::uint64_t kFormerKept = 5000;
+inline constexpr std::uint64_t kFormerKeyframesKept = 5000, kFormerLandmarksKept = 1000;
 
 // Descriptor, normal and distances of a landmark from its observations (refresh.h). The functions
 // above do it for all that they touch.

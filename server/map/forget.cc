@@ -9,10 +9,10 @@ namespace {
 constexpr std::uint64_t kForgetEvery = 100;
 
 template <typename Key, typename Value>
-void forget_before(CowTable<Key, Value>& table, std::uint64_t limit) {
+void forget_older(CowTable<Key, Value>& table, std::uint64_t now, std::uint64_t kept) {
   std::vector<Key> old;
   table.for_each([&](const Key& key, const Value& former) {
-    if (former.since < limit) old.push_back(key);
+    if (former.since + kept < now) old.push_back(key);
   });
   for (const Key& key : old) table.erase(key);
 }
@@ -20,10 +20,9 @@ void forget_before(CowTable<Key, Value>& table, std::uint64_t limit) {
 }  // namespace
 
 void forget_former(Map& map) {
-  if (map.keyframes_ever % kForgetEvery != 0 || map.keyframes_ever < kFormerKept) return;
-  const std::uint64_t limit = map.keyframes_ever - kFormerKept;
-  forget_before(map.replaced_landmarks, limit);
-  forget_before(map.removed_keyframes, limit);
+  if (map.keyframes_ever % kForgetEvery != 0) return;
+  forget_older(map.replaced_landmarks, map.keyframes_ever, kFormerLandmarksKept);
+  forget_older(map.removed_keyframes, map.keyframes_ever, kFormerKeyframesKept);
 }
 
 }  // namespace cairn

@@ -45,7 +45,7 @@ void get_header(ByteReader& in, Map& map);
 
 template <typename T>
 Blob encode(const T& value) {
-  ByteWriter out(256);
+  ByteWriter out(64);  // many are kept at a time
   put(out, value);
   return out.take();
 }

@@ -219,24 +219,27 @@ TEST(RefreshLandmark, PredictsTheOctaveThatItWasSeenAt) {
 
 TEST(ForgetFormer, KeepsWhatEndedLatelyAndTheWaysToIt) {
   Map map;
-  map.keyframes_ever = 2 * kFormerKept;
-  const auto end = [&](std::uint64_t number, std::uint64_t since) {
-    map.replaced_landmarks.insert({9, number}, {{9, number + 1}, since});
-    const auto sequence = static_cast<std::uint32_t>(number);
-    map.removed_keyframes.insert({7, sequence}, {{7, sequence + 1}, {}, since});
+  constexpr std::uint64_t kNow = 20'000;
+  map.keyframes_ever = kNow;
+  const auto end = [&](std::uint32_t number, std::uint64_t ago) {
+    map.replaced_landmarks.insert({9, number}, {{9, number + 1}, kNow - ago});
+    map.removed_keyframes.insert({7, number}, {{7, number + 1}, {}, kNow - ago});
   };
-  end(1, kFormerKept - 1);
-  end(2, kFormerKept);
-  end(3, 2 * kFormerKept);
+  end(1, kFormerKeyframesKept + 1);
+  end(2, kFormerKeyframesKept);
+  end(3, kFormerLandmarksKept + 1);
+  end(4, kFormerLandmarksKept);
+  end(5, 0);
   forget_former(map);
-  EXPECT_EQ(map.replaced_landmarks.sorted_keys(), (std::vector<LandmarkId>{{9, 2}, {9, 3}}));
-  EXPECT_EQ(map.removed_keyframes.sorted_keys(), (std::vector<KeyframeId>{{7, 2}, {7, 3}}));
+  EXPECT_EQ(map.replaced_landmarks.sorted_keys(), (std::vector<LandmarkId>{{9, 4}, {9, 5}}));
+  EXPECT_EQ(map.removed_keyframes.sorted_keys(),
+            (std::vector<KeyframeId>{{7, 2}, {7, 3}, {7, 4}, {7, 5}}));
 }
 
 TEST(ForgetFormer, HappensWhileKeyframesArrive) {
   const SyntheticMap world({.keyframes = 2, .points = 50});
   Map map;
-  map.keyframes_ever = 3 * kFormerKept - 2;
+  map.keyframes_ever = 3'998;
   map.replaced_landmarks.insert({9, 1}, {{9, 2}, 5});
   apply_keyframe(map, world.keyframes[0]);
   EXPECT_EQ(map.replaced_landmarks.size(), 1u) << "not with every keyframe";
