@@ -15,8 +15,9 @@ struct KeyframePolicyOptions {
   int min_frames_between = 5;
   int few_landmarks = 50;
   // Of the landmarks that the reference keyframe shows, fewer than this share still in view calls
-  // for a keyframe. Higher makes more keyframes. With less (0.33) a camera that turns on the spot goes
-  // 35 degrees without one, held by landmarks at one edge of its images: up to 2 degrees of drift.
+  // for a keyframe. Higher makes more keyframes. With less (0.33) a camera that turns on the spot
+  // goes 35 degrees without one, held by landmarks at one edge of its images: up to 2 degrees of
+  // drift.
   double min_shared = 0.45;
   // The same without depth, where every landmark takes two keyframes that see it from apart.
   double min_shared_mono = 0.7;

@@ -62,8 +62,8 @@ DeltaSummary apply_loop(Map& map, const LoopClosure& closure);
 bool remove_keyframe(Map& map, KeyframeId id);
 
 // Forgets what became of landmarks and keyframes that ended so many keyframes ago, so that these
-// tables are bounded by the pace of change and not by the map's age. Now and then only, when the map
-// has been given a round number of keyframes; apply_keyframe() does it.
+// tables are bounded by the pace of change and not by the map's age. Now and then only, when the
+// map has been given a round number of keyframes; apply_keyframe() does it.
 //
 // Who still uses so old a name loses little: a match with it means what its feature shows now, is
 // made anew from that feature's depth or is rejected, and a client keeps the place that it has for

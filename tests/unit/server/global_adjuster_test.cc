@@ -15,6 +15,8 @@ namespace {
 
 using Ticket = GlobalAdjuster::Ticket;
 using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::Not;
 using testing::SizeIs;
 
 struct Adjusting {
@@ -47,6 +49,20 @@ TEST(GlobalAdjuster, ABurstOfLoopsIsAdjustedOnce) {
   run.wait_for(last);
   EXPECT_THAT(run.done, ElementsAre(SizeIs(5)));
   EXPECT_GE(watch.milliseconds(), 900);
+}
+
+TEST(GlobalAdjuster, LoopsWithoutEndAreAdjustedAfterFiveSeconds) {
+  Adjusting run;
+  const Stopwatch watch;
+  std::unique_lock lock(run.mutex);
+  while (run.done.empty() && watch.milliseconds() < 20'000) {
+    lock.unlock();
+    run.adjuster.request({7, 4}, true);
+    lock.lock();
+    run.changed.wait_for(lock, std::chrono::milliseconds(400));
+  }
+  EXPECT_THAT(run.done, Not(IsEmpty()));
+  EXPECT_GE(watch.milliseconds(), 4900);
 }
 
 TEST(GlobalAdjuster, WhoWaitsIsNotKeptWaitingForMoreLoops) {

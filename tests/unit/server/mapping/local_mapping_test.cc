@@ -10,12 +10,14 @@ namespace {
 
 using testing::IsEmpty;
 
-std::vector<LocalMappingReport> run(const SyntheticMap& world, MapWriter& writer) {
-  LocalMapping mapping(writer);
+std::vector<LocalMappingReport> run(const SyntheticMap& world, MapWriter& writer,
+                                    std::size_t waiting = 0,
+                                    const LocalMappingOptions& options = {}) {
+  LocalMapping mapping(writer, options);
   std::vector<LocalMappingReport> reports;
   for (const KeyframePtr& keyframe : world.keyframes) {
     writer.submit(keyframe);
-    reports.push_back(mapping.extend(keyframe->id));
+    reports.push_back(mapping.extend(keyframe->id, waiting));
   }
   return reports;
 }
@@ -57,6 +59,23 @@ TEST(LocalMapping, TheSameInputMakesTheSameMap) {
     EXPECT_EQ(l.position, b->landmarks.at(id).position);
     EXPECT_EQ(l.observations, b->landmarks.at(id).observations);
   });
+}
+
+TEST(LocalMapping, AsksHalfAsManyNeighboursWhileManyKeyframesWait) {
+  const SyntheticMap world({.keyframes = 14, .report_share = 0.5, .duplicate_share = 0.5});
+  LocalMappingOptions all, half;
+  all.fuse.first = 2, all.fuse.limit = 4;  // of all that overlap
+  half.fuse.first = 1, half.fuse.limit = 2;
+  const auto found = [&](const LocalMappingOptions& options, std::size_t waiting) {
+    MapWriter writer(Map{});
+    int observations = 0;
+    for (const LocalMappingReport& r : run(world, writer, waiting, options))
+      observations += r.observations_added + r.fused;
+    return observations;
+  };
+  EXPECT_EQ(found(all, all.hurry_from + 1), found(half, 0));
+  EXPECT_EQ(found(all, all.hurry_from), found(all, 0));
+  EXPECT_NE(found(all, 0), found(half, 0)) << "the world is too small to tell";
 }
 
 TEST(LocalMapping, AnUnknownKeyframeIsReported) {
