@@ -67,9 +67,11 @@ void GlobalAdjuster::stop() {
 GlobalAdjuster::Request GlobalAdjuster::take() {
   Request request = std::move(waiting_.front());
   waiting_.pop_front();
-  const std::vector<KeyframeId> part = connected_keyframes(*writer_.snapshot(), request.part_of);
+  // Keyframes may have been culled since they were named.
+  const Snapshot map = writer_.snapshot();
+  const std::vector<KeyframeId> part = connected_keyframes(*map, map->present(request.part_of));
   std::erase_if(waiting_, [&](const Request& other) {
-    if (!std::binary_search(part.begin(), part.end(), other.part_of)) return false;
+    if (!std::binary_search(part.begin(), part.end(), map->present(other.part_of))) return false;
     request.tickets.insert(request.tickets.end(), other.tickets.begin(), other.tickets.end());
     request.restarts = std::max(request.restarts, other.restarts);
     return true;
@@ -118,7 +120,7 @@ bool GlobalAdjuster::adjust(const Request& request, std::stop_token stop) {
     const Snapshot map = writer_.snapshot();
     Stopwatch watch;
     GlobalBaSummary summary;
-    MapDelta delta = solve_global_ba(*map, request.part_of, options_, &summary, stop);
+    MapDelta delta = solve_global_ba(*map, map->present(request.part_of), options_, &summary, stop);
     release_free_memory();  // of the solver: some 700 bytes an observation
     log::info(
         "global BA: {} keyframes, {} landmarks, cost {:.0f} -> {:.0f}, {} outliers, {:.0f} ms: {}",

@@ -125,6 +125,19 @@ void LocalMap::observe(Slot slot, KeyframeId keyframe) {
   seen_by_[keyframe].push_back(slot);
 }
 
+// Views of one place would add up for as long as the client stays there. Where others lead to a
+// landmark, one that the server has culled is not needed.
+void LocalMap::forget_needless_views(KeyframeId culled) {
+  constexpr std::size_t kEnough = 8;
+  const auto seen = seen_by_.find(culled);
+  if (seen == seen_by_.end()) return;
+  std::erase_if(seen->second, [&](Slot slot) {
+    auto& observers = slots_[slot].observers;
+    return observers.size() > kEnough && std::erase(observers, culled) > 0;
+  });
+  if (seen->second.empty()) seen_by_.erase(seen);
+}
+
 void LocalMap::remove(LandmarkId id) {
   const auto slot = slot_of(id);
   if (!slot) return;
@@ -331,18 +344,24 @@ void LocalMap::place_keyframes(const MapUpdate& update) {
       k->reference_from_camera = removal.anchor_from_camera;
       k->placed_by_server = false;
       k->of_former_map = false;
+      forget_needless_views(removal.id);
     }
   // An anchor may be younger than what hangs on it (a culled keyframe's parent), so that one pass
-  // in order of sequence is not enough; chains are short.
-  const auto follow = [&](OwnKeyframe& k, auto& self, int depth) -> void {
-    if (k.placed_by_server || depth == 0) return;
-    OwnKeyframe* reference = own(k.reference);
-    if (!reference) return;
-    self(*reference, self, depth - 1);
-    k.map_from_camera = reference->map_from_camera * k.reference_from_camera;
-  };
-  constexpr int kLongestChain = 1000;
-  for (OwnKeyframe& k : keyframes_) follow(k, follow, kLongestChain);
+  // in order of sequence is not enough. Each is followed once, up to one that has been.
+  std::vector<std::uint8_t> followed(keyframes_.size(), 0);
+  std::vector<OwnKeyframe*> chain;
+  for (OwnKeyframe& k : keyframes_) {
+    for (OwnKeyframe* at = &k; at && !at->placed_by_server; at = own(at->reference)) {
+      std::uint8_t& was_followed = followed[static_cast<std::size_t>(at - keyframes_.data())];
+      if (was_followed != 0) break;
+      was_followed = 1;
+      chain.push_back(at);
+    }
+    for (; !chain.empty(); chain.pop_back())
+      if (const OwnKeyframe* reference = own(chain.back()->reference))
+        chain.back()->map_from_camera =
+            reference->map_from_camera * chain.back()->reference_from_camera;
+  }
 }
 
 // Null where it is that of a feature which is held no longer.

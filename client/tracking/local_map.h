@@ -148,6 +148,7 @@ class LocalMap {
   std::optional<Slot> slot_of(LandmarkId id) const;
   Slot insert(LocalLandmark landmark);
   void observe(Slot slot, KeyframeId keyframe);
+  void forget_needless_views(KeyframeId culled);
   void remove(LandmarkId id);
   void rename(LandmarkId from, LandmarkId to);
   std::vector<std::pair<KeyframeId, int>> votes(std::span<const LandmarkId> seen) const;

@@ -10,7 +10,8 @@ namespace cairn {
 
 Result<std::shared_ptr<Channel>> Channel::open(std::shared_ptr<dds::Participant> participant,
                                                const std::string& deployment,
-                                               const std::string& client, std::uint64_t server) {
+                                               const std::string& client, std::uint64_t server,
+                                               std::uint64_t last_revision) {
   const std::string partition = wire::client_partition(deployment, client);
   auto acks = wire::Writer<wire::ServerAckMessage>::create(participant, partition);
   if (!acks) return acks.error();
@@ -19,8 +20,13 @@ Result<std::shared_ptr<Channel>> Channel::open(std::shared_ptr<dds::Participant>
   auto answers =
       wire::Writer<wire::RelocaliseAnswerMessage>::create(std::move(participant), partition);
   if (!answers) return answers.error();
-  return std::shared_ptr<Channel>(
-      new Channel(server, std::move(*acks), std::move(*updates), std::move(*answers)));
+  return std::shared_ptr<Channel>(new Channel(server, last_revision, std::move(*acks),
+                                              std::move(*updates), std::move(*answers)));
+}
+
+std::uint64_t Channel::last_revision() const {
+  std::lock_guard lock(mutex_);
+  return revision_;
 }
 
 std::uint64_t Channel::revision() const {

@@ -1,5 +1,6 @@
 #include "server/ingest/ingest.h"
 
+#include <algorithm>
 #include <map>
 #include <mutex>
 #include <random>
@@ -69,6 +70,7 @@ struct Ingest::Parts {
   mutable std::mutex mutex;  // the rest
   ClientTable table;
   std::map<std::string, ChannelUse> channels;  // by name of the client
+  std::uint64_t last_revision = 0;             // of channels that are closed
   std::map<ClientId, std::uint32_t> next_sequences;
   IngestStats counts;
 
@@ -210,7 +212,10 @@ void Ingest::Parts::receive_state(const wire::ClientStateMessage& state) {
 std::vector<ChannelUse> Ingest::Parts::close_sessions(const ClientTable::Answer& answer) {
   std::vector<ChannelUse> closed;
   for (const auto& ended : answer.ended) {
-    if (auto node = channels.extract(ended.client.name)) closed.push_back(node.mapped());
+    if (auto node = channels.extract(ended.client.name)) {
+      last_revision = std::max(last_revision, node.mapped().channel->last_revision());
+      closed.push_back(node.mapped());
+    }
     for (const std::uint64_t epoch : ended.runs) {
       next_sequences.erase({ended.client.name, epoch});
       queue.forget({ended.client.name, epoch});
@@ -248,7 +253,7 @@ std::shared_ptr<Channel> Ingest::Parts::channel_of(const std::string& client) {
   ChannelUse& use = channels[client];
   use.last_use = Clock::now();
   if (!use.channel) {
-    auto channel = Channel::open(participant, options.partition, client, instance);
+    auto channel = Channel::open(participant, options.partition, client, instance, last_revision);
     if (!channel) {
       log::error("{}", channel.message());
       channels.erase(client);
@@ -318,7 +323,10 @@ void Ingest::Parts::tick() {
 
 void Ingest::Parts::rest_channels(Clock::time_point now) {
   std::erase_if(channels, [&](const auto& entry) {
-    return !table.sessions().contains(entry.first) && now - entry.second.last_use > kChannelRest;
+    const auto& [name, use] = entry;
+    if (table.sessions().contains(name) || now - use.last_use <= kChannelRest) return false;
+    last_revision = std::max(last_revision, use.channel->last_revision());
+    return true;
   });
 }
 

@@ -65,10 +65,11 @@ bool remove_keyframe(Map& map, KeyframeId id);
 // tables are bounded by the pace of change and not by the map's age. Now and then only, when the
 // map has been given a round number of keyframes; apply_keyframe() does it.
 //
-// Who still uses so old a name loses little: a match with it means what its feature shows now, is
-// made anew from that feature's depth or is rejected, and a client keeps the place that it has for
-// the keyframe. Landmarks are kept for less long, as a keyframe ends hundreds of them where others
-// have mapped before.
+// Who still uses so old a name loses little: a match with a landmark of a client's making means
+// what its feature shows now or is made anew from that feature's depth; others are rejected, and
+// found again by where they lie (fuse.h). A client keeps the place that it has for the keyframe.
+// Landmarks are kept for less long, as a keyframe ends hundreds of them where others have mapped
+// before.
 void forget_former(Map& map);
 inline constexpr std::uint64_t kFormerKeyframesKept = 5000, kFormerLandmarksKept = 1000;
 

@@ -51,15 +51,19 @@ class Redundancy {
   }
 
   bool is_redundant(KeyframeId id, const KeyframeNode& node) const {
-    std::size_t near = 0;
-    for (std::size_t f = 0; f < node.landmarks.size(); ++f)
-      near += node.landmarks[f].is_valid() && is_near(node, f) ? 1 : 0;
-    if (near < options_.min_landmarks) return false;
+    std::size_t all = 0, near = 0;
+    for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
+      if (!node.landmarks[f].is_valid()) continue;
+      ++all;
+      near += is_near(node, f) ? 1 : 0;
+    }
+    if (all < options_.min_landmarks) return false;
+    const bool far_too = near < options_.min_landmarks;
     const double tolerated =
-        (1.0 - redundant_share(map_, node, options_)) * static_cast<double>(near);
+        (1.0 - redundant_share(map_, node, options_)) * static_cast<double>(far_too ? all : near);
     std::size_t alone = 0;  // landmarks that need this keyframe
     for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
-      if (!node.landmarks[f].is_valid() || !is_near(node, f)) continue;
+      if (!node.landmarks[f].is_valid() || !(far_too || is_near(node, f))) continue;
       if (!seen_enough(node.landmarks[f], id, node.features().points[f].octave)) ++alone;
       if (static_cast<double>(alone) > tolerated) return false;
     }

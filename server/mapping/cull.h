@@ -19,7 +19,8 @@ struct CullOptions {
   std::size_t min_observations_mono = 3;
 
   // A keyframe is redundant when this share of its landmarks (those nearer than max_depth, where
-  // depth is measured) is seen in `enough_views` others at the same or a finer scale.
+  // depth is measured and there are min_landmarks of them) is seen in `enough_views` others at the
+  // same or a finer scale.
   double redundant_share = 0.9;
   int enough_views = 3;
   std::uint32_t keep_newest = 3;    // keyframes of each client that stay in any case...

@@ -45,6 +45,14 @@ TEST(EndToEnd, RgbdDeskIsTrackedWithinACentimetre) {
   EXPECT_LT(e.ate.rmse, 0.01);
 }
 
+// Where plain ORB finds nothing to start with (tests/bench/paper_results).
+TEST(EndToEnd, ARoomWithoutTextureIsTrackedThanksToSharpening) {
+  const Evaluation e =
+      run_lockstep("synth:textureless?frames=120", {.scene = "textureless", .frames = 120});
+  EXPECT_EQ(e.pairs, 120u);
+  EXPECT_LT(e.ate.rmse, 0.1);
+}
+
 TEST(EndToEnd, StereoDeskIsTrackedWithinTwoCentimetres) {
   const Evaluation e = run_lockstep("synth:desk?frames=150&sensor=stereo",
                                     {.scene = "desk", .frames = 150, .sensor = Sensor::kStereo});

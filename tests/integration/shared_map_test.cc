@@ -70,7 +70,7 @@ TEST_P(ClientsInOneRoom, ShareOneMap) {
   for (int i = 0; i < GetParam(); ++i)
     shared.add("client" + std::to_string(i), {.scene = "desk", .path = i, .frames = 200});
   EXPECT_LT(shared.finish(), 0.01);
-  EXPECT_NE(shared.info().find("merge"), std::string::npos);
+  EXPECT_NE(shared.server().err().find("parts merged"), std::string::npos) << shared.server().err();
 }
 
 INSTANTIATE_TEST_SUITE_P(Many, ClientsInOneRoom, ::testing::Values(2, 3));

@@ -104,7 +104,7 @@ struct Measured {
   double textbook = 0, opencv = 0, ours = 0, plain = 0;
   std::vector<double> stages;
   ExtractorStats stats;  // of the last image
-  double textbook_features = 0, opencv_features = 0, our_features = 0;
+  double textbook_features = 0, opencv_features = 0, our_features = 0, plain_features = 0;
 };
 
 // The four in turn on every image, so that whatever slows the machine slows them alike.
@@ -133,7 +133,8 @@ Measured measure(const ImageSet& set, int repeat) {
              .stats = ours.stats(),
              .textbook_features = static_cast<double>(textbook_features.size()),
              .opencv_features = static_cast<double>(points.size()),
-             .our_features = static_cast<double>(our_features.size())};
+             .our_features = static_cast<double>(our_features.size()),
+             .plain_features = static_cast<double>(plain_features.size())};
   for (const auto& stage : stages) m.stages.push_back(median(stage));
   return m;
 }
@@ -151,7 +152,7 @@ bool report(const Machine& machine, const ImageSet& set, int repeat) {
   row("textbook (ORB-SLAM2 style)", m.textbook, m.textbook_features);
   row("cv::ORB", m.opencv, m.opencv_features);
   row("Cairn, entropy and sharpening on", m.ours, m.our_features);
-  row("Cairn, plain ORB", m.plain, m.our_features);
+  row("Cairn, plain ORB", m.plain, m.plain_features);
 
   const Floors floor = floors(machine, size, ScalePyramid(), m.stats, m.our_features);
   std::printf("\n| stage of Cairn's | ms | floor ms | times the floor |\n|---|---|---|---|\n");

@@ -74,6 +74,17 @@ TEST(GlobalAdjuster, WhoWaitsIsNotKeptWaitingForMoreLoops) {
   EXPECT_LT(watch.milliseconds(), 900);
 }
 
+TEST(GlobalAdjuster, FindsThePartOfAKeyframeThatHasBeenCulledSince) {
+  Adjusting run;
+  MapDelta cull = MapDelta::based_on(*run.writer.snapshot());
+  cull.removed_keyframes = {{7, 4}};
+  ASSERT_TRUE(run.writer.submit(std::move(cull)).done);
+  ASSERT_FALSE(run.writer.snapshot()->keyframes.contains({7, 4}));
+  run.adjuster.request({7, 4}, false);
+  run.adjuster.wait_idle();
+  EXPECT_EQ(run.adjuster.adjustments(), 1u);
+}
+
 TEST(GlobalAdjuster, WhatIsNoLoopBeginsAtOnce) {
   Adjusting run;
   run.adjuster.request({7, 4}, true);

@@ -244,6 +244,40 @@ TEST(LocalMap, HangsRemovedKeyframesOnTheirAnchor) {
   EXPECT_NEAR(map.pose_of({kEpoch, 1})->translation.x(), 4.9, 1e-12);
 }
 
+TEST(LocalMap, AChainOfRemovedKeyframesHangsOnItsEndHoweverLong) {
+  constexpr std::uint32_t kLast = 3000;
+  LocalMap map;
+  MapUpdate u = update_of(kLast + 1);
+  for (std::uint32_t i = 0; i <= kLast; ++i) {
+    map.add_keyframe(make_keyframe(i, 0), moved(0.1 * i));
+    if (i < kLast) u.removed_keyframes.push_back({{kEpoch, i}, {kEpoch, i + 1}, moved(-0.1)});
+  }
+  u.keyframes = {{{kEpoch, kLast}, moved(0.1 * kLast)}};
+  map.apply(u);
+  MapUpdate later = update_of(kLast + 1);
+  later.keyframes = {{{kEpoch, kLast}, moved(1000)}};
+  map.apply(later);
+  EXPECT_NEAR(map.pose_of({kEpoch, 0})->translation.x(), 1000 - 0.1 * kLast, 1e-6);
+}
+
+TEST(LocalMap, ViewsOfCulledKeyframesDoNotAddUp) {
+  constexpr std::uint32_t kViews = 30;
+  LocalMap map;
+  map.add_keyframe(make_keyframe(0, 1), moved(0));
+  MapUpdate u = update_of(kViews);
+  u.keyframes = {{{kEpoch, 0}, moved(0)}};
+  for (std::uint32_t i = 1; i < kViews; ++i) {
+    map.add_keyframe(make_keyframe(i, 0, {name(0, 0)}), moved(0));
+    if (i < kViews - 1) u.removed_keyframes.push_back({{kEpoch, i}, {kEpoch, 0}, moved(0)});
+  }
+  EXPECT_EQ(map.find(name(0, 0))->observers.size(), kViews);
+  map.apply(u);
+  EXPECT_EQ(map.find(name(0, 0))->observers.size(), 8u) << "enough to lead there";
+  EXPECT_EQ(map.landmarks_of({kEpoch, 0}), 1);
+  EXPECT_EQ(map.landmarks_of({kEpoch, kViews - 1}), 1);
+  EXPECT_EQ(map.landmarks_of({kEpoch, 1}), 0);
+}
+
 TEST(LocalMap, ARefreshReplacesWhatTheServerSaidBefore) {
   LocalMap map;
   map.add_keyframe(make_keyframe(0, 1), moved(0));

@@ -305,6 +305,12 @@ TEST_F(IngestTest, AClientThatWasForgottenInItsSilenceJoinsAgain) {
   auto ingest = serve();
   auto link = connect();
   ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
+  MapUpdate refresh = sample_update(kEpoch);
+  refresh.base_revision = 0;
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(ingest->publish({"alice", kEpoch}, refresh));
+    ASSERT_TRUE(link->wait_update(5s));
+  }
   const auto participant = dds::Participant::create({client_domain_, ""});
   ASSERT_TRUE(participant);
   ASSERT_TRUE((*participant)->set_cut(true));
@@ -315,6 +321,8 @@ TEST_F(IngestTest, AClientThatWasForgottenInItsSilenceJoinsAgain) {
   EXPECT_TRUE(wait_event(ClientEvent::Kind::kJoined));
   link->send(sample_keyframe_ptr({kEpoch, 0}));
   EXPECT_TRUE(link->wait_delivered(5s));
+  ASSERT_TRUE(ingest->publish({"alice", kEpoch}, refresh));
+  EXPECT_TRUE(link->wait_update(5s)) << "taken for a repeated one";
 }
 
 TEST_F(IngestTest, SendingAndPollingTakeMicroseconds) {

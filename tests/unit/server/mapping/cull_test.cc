@@ -80,6 +80,20 @@ TEST(CullKeyframes, ThoseThatSayNothingNewGoButNotTheNewestNorRoots) {
   EXPECT_THAT(cull_keyframes(map, {kf(13)}).removed_keyframes, IsEmpty());
 }
 
+TEST(CullKeyframes, WhereAllIsFarAwayItCountsToo) {
+  const SyntheticMap world({.keyframes = 14, .step = 0.01});
+  Map map = mapped(built(world));
+  for (const KeyframeId id : map.keyframes.sorted_keys()) {
+    KeyframeNode& node = *map.keyframes.edit(id);
+    auto rig = std::make_shared<Rig>(node.rig());
+    rig->max_depth = 0.1;
+    auto keyframe = std::make_shared<Keyframe>(*node.keyframe);
+    keyframe->rig = rig;
+    node.keyframe = keyframe;
+  }
+  EXPECT_GE(cull_keyframes(map, {kf(13)}).removed_keyframes.size(), 5u);
+}
+
 TEST(CullKeyframes, WhatHasNotBeenAdjustedStays) {
   const SyntheticMap world({.keyframes = 14, .step = 0.01});
   Map map = built(world);
