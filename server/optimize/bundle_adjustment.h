@@ -7,7 +7,7 @@
 // rounds: what contradicts the result of the first is left out of the second.
 //
 // Everything works on values of its own; nothing here locks or changes a map. One call runs in the
-// calling thread (and num_threads - 1 more) and, with one thread, gives the same result every time.
+// calling thread and gives the same result every time.
 #pragma once
 
 #include <cstdint>
@@ -27,7 +27,6 @@ struct BundleOptions {
   int second_iterations = 10;  // without
   // A round ends when a step lowers the cost by less than this fraction.
   double function_tolerance = 1e-4;
-  int num_threads = 1;
 };
 
 struct BundleSummary {
@@ -49,7 +48,7 @@ struct BundleProblem {
     KeyframeId id;
     Rigid3 initial;  // map_from_camera in the snapshot
     bool fixed = false;
-    PoseState state{};
+    Rigid3 map_from_camera;
   };
   struct Point {
     LandmarkId id;
@@ -71,7 +70,7 @@ struct BundleProblem {
 
   std::vector<Pose> poses;
   std::vector<Point> points;
-  std::vector<Term> terms;  // ascending by point
+  std::vector<Term> terms;  // ascending by point, those of one by pose
   std::vector<Follower> followers;
 };
 

@@ -20,7 +20,7 @@ void add_poses(const Map& map, std::span<const KeyframeId> ids, bool fixed, Bund
     if (!node || !node->map_from_camera.is_finite()) continue;
     const auto index = static_cast<std::uint32_t>(problem.poses.size());
     if (!views.emplace(id, View{index, node}).second) continue;
-    problem.poses.push_back({id, node->map_from_camera, fixed, to_state(node->map_from_camera)});
+    problem.poses.push_back({id, node->map_from_camera, fixed, node->map_from_camera});
   }
 }
 
@@ -48,8 +48,11 @@ void add_landmark(const Landmark& landmark, const Views& views, BundleProblem& p
     problem.terms.push_back(
         {view->second.pose, point, observation, Reprojection(*node.keyframe, feature), true});
   }
+  const auto own = problem.terms.begin() + static_cast<std::ptrdiff_t>(first_term);
   if (problem.terms.size() - first_term >= 2) {
     problem.points.push_back({landmark.id, landmark.position});
+    std::sort(own, problem.terms.end(),
+              [](const auto& a, const auto& b) { return a.pose < b.pose; });
     return;
   }
   if (problem.terms.size() > first_term && landmark.observations.size() == 1) {
@@ -58,8 +61,7 @@ void add_landmark(const Landmark& landmark, const Views& views, BundleProblem& p
       problem.followers.push_back(
           {problem.terms.back().pose, landmark.id, pose.initial.inverse() * landmark.position});
   }
-  problem.terms.erase(problem.terms.begin() + static_cast<std::ptrdiff_t>(first_term),
-                      problem.terms.end());
+  problem.terms.erase(own, problem.terms.end());
 }
 
 }  // namespace
@@ -89,7 +91,7 @@ MapDelta bundle_delta(const Map& map, const BundleProblem& problem) {
   delta.base_revision = map.revision;
   delta.base_merge_epoch = map.merge_epoch;
   for (const auto& pose : problem.poses)
-    if (!pose.fixed) delta.poses.push_back({pose.id, pose.initial, to_rigid(pose.state)});
+    if (!pose.fixed) delta.poses.push_back({pose.id, pose.initial, pose.map_from_camera});
 
   std::vector<int> kept(problem.points.size(), 0);
   for (const auto& term : problem.terms) {
@@ -102,7 +104,7 @@ MapDelta bundle_delta(const Map& map, const BundleProblem& problem) {
     if (kept[i] >= 2) delta.positions.push_back({problem.points[i].id, problem.points[i].position});
   for (const auto& follower : problem.followers)
     delta.positions.push_back(
-        {follower.id, to_rigid(problem.poses[follower.pose].state) * follower.position_in_camera});
+        {follower.id, problem.poses[follower.pose].map_from_camera * follower.position_in_camera});
   return delta;
 }
 

@@ -13,8 +13,6 @@
 //              sensor measures apart from the image.
 #pragma once
 
-#include <array>
-
 #include <Eigen/Core>
 
 #include "common/geometry/rigid3.h"
@@ -22,10 +20,13 @@
 
 namespace cairn {
 
-// A pose in the order that the solver wants: quaternion x y z w, then the translation.
-using PoseState = std::array<double, 7>;
-PoseState to_state(const Rigid3& pose);
-Rigid3 to_rigid(const PoseState& state);
+// Where a camera stands, ready for many observations.
+struct CameraPlace {
+  explicit CameraPlace(const Rigid3& map_from_camera);
+
+  Eigen::Matrix3d rotation;  // map from camera
+  Eigen::Vector3d centre;    // in map
+};
 
 class Reprojection {
  public:
@@ -42,15 +43,14 @@ class Reprojection {
   // Errors above this squared norm are taken for wrong matches.
   double chi2_limit() const { return has_depth() ? kChi2Depth : kChi2Pixel; }
 
-  // Writes rows() errors. `pose_jacobian`, row-major rows() x 7: derivatives by (omega, v) of the
-  // left perturbation in the first six columns, zero in the seventh (see rigid3_manifold.h).
-  // `point_jacobian`, row-major rows() x 3. Either may be null. False, with errors so large that no
+  // Writes rows() errors and, unless `by_point` is null, the derivatives of each by the point.
+  // Those by the pose follow from them: for a derivative a by the point X, and the camera's centre
+  // t, the left perturbation (omega, v) has (a x (X - t), -a). False, with errors so large that no
   // solver steps there and zero derivatives, when the point is not in front of the camera.
-  bool evaluate(const double* pose, const double* point, double* errors, double* pose_jacobian,
-                double* point_jacobian) const;
-
+  bool evaluate(const CameraPlace& camera, const Eigen::Vector3d& point, double* errors,
+                Eigen::Vector3d* by_point) const;
   // Squared norm of the errors; infinity when the point is not in front of the camera.
-  double chi2(const double* pose, const double* point) const;
+  double chi2(const CameraPlace& camera, const Eigen::Vector3d& point) const;
 
  private:
   int rows_;

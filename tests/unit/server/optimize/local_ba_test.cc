@@ -179,7 +179,7 @@ TEST(LocalBa, EndsAtOnceWhenAskedToStop) {
   EXPECT_LE(summary.iterations, 1);
 }
 
-TEST(BundleAdjustment, WholeMapWithSparseSolverFindsTheTruth) {
+TEST(BundleAdjustment, WholeMapFindsTheTruth) {
   SyntheticMap world({.keyframes = 90, .points = 150, .step = 0.02, .pixel_noise = 0.01});
   const Map truth = known_map(world);
   Map map = truth;

@@ -1,0 +1,60 @@
+// The normal equations of a bundle's poses once the landmarks are eliminated: symmetric, in blocks
+// of 6 x 6, one for each two poses that see a landmark in common. In a room nearly all do, along a
+// road few; it is solved as a dense or as a sparse system accordingly. Private to server/optimize.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "server/optimize/block_cholesky.h"
+
+namespace cairn {
+
+// Which two poses see a landmark in common. A pose does with itself.
+class PosePairs {
+ public:
+  explicit PosePairs(int poses);
+  void add(int row, int column) { is_pair_[index(row, column)] = true; }  // row <= column
+  bool contains(int row, int column) const { return is_pair_[index(row, column)]; }
+  int poses() const { return poses_; }
+
+ private:
+  static std::size_t index(int row, int column) {
+    const auto c = static_cast<std::size_t>(column);
+    return c * (c + 1) / 2 + static_cast<std::size_t>(row);
+  }
+  int poses_;
+  std::vector<bool> is_pair_;
+};
+
+// Not thread-safe.
+class PoseSystem {
+ public:
+  explicit PoseSystem(const PosePairs& pairs);
+
+  int poses() const { return poses_; }
+  void set_zero();
+  // Of a pair, row <= column. Of those with row == column the upper triangle counts.
+  Matrix6& block(int row, int column);
+  // Six numbers a pose: the right-hand side, which becomes the solution.
+  Eigen::VectorXd& vector() { return vector_; }
+  // False where the matrix is not positive definite; the vector is of no use then.
+  bool solve();
+
+ private:
+  bool solve_dense();
+
+  int poses_;
+  // Blocks column by column, ascending by row: those of a column are first_[column] up to
+  // first_[column + 1].
+  std::vector<std::size_t> first_;
+  std::vector<int> rows_;
+  std::vector<Matrix6> blocks_;
+  Eigen::VectorXd vector_;
+  std::optional<BlockCholesky> sparse_;  // unless it is solved as a dense one
+};
+
+}  // namespace cairn
