@@ -292,24 +292,23 @@ void Pipeline::extend(const ClientId& client, ClientDesk& desk, KeyframeId id) {
   adjuster_.add(id);
 }
 
-// With no client's desk in hand: a solve serves keyframes of several.
+// With no client's desk in hand: a solve serves keyframes of several. One solve at most: whom it
+// served is answered first, and whoever answers comes by here again.
 void Pipeline::adjust_what_waits() {
-  while (true) {
-    const LocalAdjustment done = adjuster_.adjust(unextended_);
-    if (done.keyframes.empty()) return;
-    if (done.solved) metrics_.solving_ms.add(done.solve_ms);
-    log::debug("adjusted around {} keyframes in {:.0f} ms: {} keyframes culled",
-               done.keyframes.size(), done.window_ms + done.solve_ms + done.cull_ms,
-               done.keyframes_culled);
-    for (const KeyframeId id : done.keyframes) on_mapped(id);
-  }
+  const LocalAdjustment done = adjuster_.adjust(unextended_);
+  if (done.keyframes.empty()) return;
+  if (done.solved) metrics_.solving_ms.add(done.solve_ms);
+  log::debug("adjusted around {} keyframes in {:.0f} ms: {} keyframes culled",
+             done.keyframes.size(), done.window_ms + done.solve_ms + done.cull_ms,
+             done.keyframes_culled);
+  for (const KeyframeId id : done.keyframes) on_mapped(id);
 }
 
 void Pipeline::on_mapped(KeyframeId id) {
   ++metrics_.mapped;
   if (closer_) closer_->offer(id);
   if (const auto client = under_way_.client_of(id))
-    jobs_.push(*client, Job{Job::Kind::kAnswer, id});
+    jobs_.push_urgent(*client, Job{Job::Kind::kAnswer, id});
 }
 
 void Pipeline::answer(const ClientId& client, ClientDesk& desk, KeyframeId id) {

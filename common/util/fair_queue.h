@@ -1,5 +1,6 @@
 // Work of several parties, served in turn: each party's items come out in their order, one at a
-// time (the next only after done()), and no party waits for more than one item of each other's.
+// time (the next only after done()), and no party waits for more than one item of each other's, but
+// for urgent ones: they come before all that are not.
 // Several threads may take work. Waits on conditions, never polls. All members are safe from any
 // thread.
 //
@@ -26,14 +27,8 @@ class FairQueue {
     std::size_t behind = 0;  // items of this party that wait behind this one
   };
 
-  void push(const Party& party, Item item) {
-    {
-      std::lock_guard lock(mutex_);
-      lanes_[party].items.push_back(std::move(item));
-      ++size_;
-    }
-    changed_.notify_all();
-  }
+  void push(const Party& party, Item item) { push(party, &Lane::items, std::move(item)); }
+  void push_urgent(const Party& party, Item item) { push(party, &Lane::urgent, std::move(item)); }
 
   // Waits for an item of a party that nobody else is busy with; the caller must say done() to it.
   // Nothing when a stop was asked for, or the queue is closed and empty.
@@ -45,10 +40,12 @@ class FairQueue {
       return lane != lanes_.end() || (closed_ && size_ == 0);
     });
     if (lane == lanes_.end()) return std::nullopt;
-    Taken taken{lane->first, std::move(lane->second.items.front()), lane->second.items.size() - 1};
-    lane->second.items.pop_front();
-    lane->second.busy = true;
-    last_ = lane->first;
+    auto& [party, waiting] = *lane;
+    auto& items = waiting.urgent.empty() ? waiting.items : waiting.urgent;
+    Taken taken{party, std::move(items.front()), waiting.size() - 1};
+    items.pop_front();
+    waiting.busy = true;
+    last_ = party;
     --size_;
     return taken;
   }
@@ -59,7 +56,7 @@ class FairQueue {
       const auto lane = lanes_.find(party);
       if (lane == lanes_.end()) return;
       lane->second.busy = false;
-      if (lane->second.items.empty()) lanes_.erase(lane);
+      if (lane->second.size() == 0) lanes_.erase(lane);
     }
     changed_.notify_all();
   }
@@ -80,16 +77,31 @@ class FairQueue {
 
  private:
   struct Lane {
-    std::deque<Item> items;
+    std::deque<Item> items, urgent;
     bool busy = false;
+
+    std::size_t size() const { return items.size() + urgent.size(); }
   };
   using Lanes = std::map<Party, Lane>;
 
-  // The first lane after the one served last, in a circle, that has an item and is not busy.
+  void push(const Party& party, std::deque<Item> Lane::*where, Item item) {
+    {
+      std::lock_guard lock(mutex_);
+      (lanes_[party].*where).push_back(std::move(item));
+      ++size_;
+    }
+    changed_.notify_all();
+  }
+
   typename Lanes::iterator next_lane() {
-    const auto ready = [](const auto& lane) {
-      return !lane.second.busy && !lane.second.items.empty();
-    };
+    const auto urgent = next_lane([](const Lane& lane) { return !lane.urgent.empty(); });
+    return urgent != lanes_.end() ? urgent
+                                  : next_lane([](const Lane& lane) { return !lane.items.empty(); });
+  }
+  // The first lane after the one served last, in a circle, that has such an item and is not busy.
+  template <typename HasItem>
+  typename Lanes::iterator next_lane(HasItem&& has_item) {
+    const auto ready = [&](const auto& lane) { return !lane.second.busy && has_item(lane.second); };
     const auto start = last_ ? lanes_.upper_bound(*last_) : lanes_.begin();
     for (auto lane = start; lane != lanes_.end(); ++lane)
       if (ready(*lane)) return lane;

@@ -43,6 +43,26 @@ TEST(FairQueue, GivesOutOnePartysItemsOneAtATime) {
   EXPECT_TRUE(got_second);
 }
 
+TEST(FairQueue, UrgentItemsComeFirstInTheirOrderAndOneAtATimeToo) {
+  FairQueue<std::string, int> queue;
+  queue.push("a", 1);
+  queue.push("b", 2);
+  queue.push_urgent("b", 3);
+  queue.push_urgent("b", 4);
+  queue.push_urgent("c", 5);
+  EXPECT_EQ(queue.size(), 5u);
+  const auto first = queue.take();
+  EXPECT_EQ(first->item, 3);
+  EXPECT_EQ(first->behind, 2u);
+  EXPECT_EQ(queue.take()->item, 5);  // b is busy
+  EXPECT_EQ(queue.take()->item, 1);
+  queue.done("b");
+  EXPECT_EQ(queue.take()->item, 4);
+  queue.done("b");
+  EXPECT_EQ(queue.take()->item, 2);
+  EXPECT_EQ(queue.size(), 0u);
+}
+
 TEST(FairQueue, HandsOutWhatIsLeftAfterClosing) {
   FairQueue<int, int> queue;
   queue.push(1, 7);
