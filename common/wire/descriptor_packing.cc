@@ -57,10 +57,11 @@ class Unpacker {
   std::uint8_t get(std::size_t lane, std::uint32_t chance) {
     std::uint32_t& state = states_[lane];
     const std::uint32_t top = state >> kChanceBits, rest = state & (kAll - 1);
-    const bool bit = rest < chance;
-    state = bit ? chance * top + rest : (kAll - chance) * top + rest - chance;
+    // Without a branch on the bit: it is as good as random.
+    const std::uint32_t bit = rest < chance, zero = bit - 1;  // all ones for a bit that is 0
+    state = (chance + (zero & (kAll - 2 * chance))) * top + rest - (zero & chance);
     if (state < kLow) state = state << 16 | word();
-    return bit;
+    return static_cast<std::uint8_t>(bit);
   }
   // Whether all bytes were used and every state is what it began as.
   bool is_done() const {
@@ -84,14 +85,18 @@ class Unpacker {
   std::array<std::uint32_t, kLanes> states_;
 };
 
-// `lanes` descriptors side by side.
-void unpack_some(Unpacker& unpacker, std::size_t lanes, Descriptor* to) {
-  std::array<std::array<std::uint8_t, kLanes>, 256> known{};
-  for (const DescriptorBit& b : kDescriptorBits)
-    for (std::size_t lane = 0; lane < lanes; ++lane)
-      known[b.bit][lane] =
-          unpacker.get(lane, b.chance[2u * known[b.first][lane] + known[b.second][lane]]);
-  for (std::size_t lane = 0; lane < lanes; ++lane) {
+// So many descriptors side by side; a fixed number lets the processor work on all at once.
+template <std::size_t kCount>
+void unpack_some(Unpacker& unpacker, Descriptor* to) {
+  std::array<std::array<std::uint8_t, kCount>, 256> known{};
+  for (const DescriptorBit& b : kDescriptorBits) {
+    std::array<std::uint32_t, kCount> chance;
+    for (std::size_t lane = 0; lane < kCount; ++lane)
+      chance[lane] = b.chance[2u * known[b.first][lane] + known[b.second][lane]];
+    for (std::size_t lane = 0; lane < kCount; ++lane)
+      known[b.bit][lane] = unpacker.get(lane, chance[lane]);
+  }
+  for (std::size_t lane = 0; lane < kCount; ++lane) {
     to[lane] = {};
     for (std::size_t i = 0; i < 256; ++i)
       to[lane][i / 64] |= std::uint64_t{known[i][lane]} << (i % 64);
@@ -124,9 +129,18 @@ bool unpack_descriptors(Bytes packed, std::span<Descriptor> descriptors) {
   Unpacker unpacker(packed);
   std::size_t next = 0;
   for (; next + kLanes <= descriptors.size(); next += kLanes)
-    unpack_some(unpacker, kLanes, &descriptors[next]);
-  if (next < descriptors.size())
-    unpack_some(unpacker, descriptors.size() - next, &descriptors[next]);
+    unpack_some<kLanes>(unpacker, &descriptors[next]);
+  switch (descriptors.size() - next) {
+    case 3:
+      unpack_some<3>(unpacker, &descriptors[next]);
+      break;
+    case 2:
+      unpack_some<2>(unpacker, &descriptors[next]);
+      break;
+    case 1:
+      unpack_some<1>(unpacker, &descriptors[next]);
+      break;
+  }
   return unpacker.is_done();
 }
 
