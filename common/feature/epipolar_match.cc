@@ -15,11 +15,33 @@ namespace {
 constexpr double kChi2Line = 3.84;  // 95 % quantile with one degree of freedom
 constexpr int kMaxOctaves = 4;      // apart
 
-// A feature of b, packed for the inner loop.
-struct Target {
-  float x, y, max_squared;
-  std::uint16_t index;
-  std::uint8_t octave;
+// Features of b, laid out so that a loop over all of them takes several at a time.
+struct Targets {
+  std::vector<float> x, y, max_squared;
+  std::vector<std::uint16_t> index;
+  std::vector<std::uint8_t> octave;
+  std::vector<std::uint8_t> on_line;  // of the line that was asked for last
+
+  Targets(const View& view, const std::vector<std::uint16_t>& features) : index(features) {
+    for (const std::uint16_t i : features) {
+      const Feature& f = view.feature(i);
+      x.push_back(f.x);
+      y.push_back(f.y);
+      max_squared.push_back(static_cast<float>(kChi2Line * view.rig->pyramid.variance(f.octave)));
+      octave.push_back(f.octave);
+    }
+    on_line.resize(index.size());
+  }
+
+  void find_on(const Eigen::Vector3f& line) {
+    const float a = line.x(), b = line.y(), c = line.z();
+    const float *xs = x.data(), *ys = y.data(), *most = max_squared.data();
+    std::uint8_t* to = on_line.data();
+    for (std::size_t i = 0, size = on_line.size(); i < size; ++i) {
+      const float error = a * xs[i] + b * ys[i] + c;
+      to[i] = error * error <= most[i];
+    }
+  }
 };
 
 struct Match {
@@ -48,16 +70,16 @@ struct Search {
 };
 
 Search search_line(const Eigen::Vector3f& line, const Feature& feature,
-                   const Descriptor& descriptor, const std::vector<Target>& targets,
+                   const Descriptor& descriptor, Targets& targets,
                    const std::vector<Descriptor>& descriptors) {
   Search found;
-  for (const Target& t : targets) {
-    const float error = line.x() * t.x + line.y() * t.y + line.z();
-    if (error * error > t.max_squared) continue;
-    if (std::abs(int{t.octave} - int{feature.octave}) > kMaxOctaves) continue;
-    const int distance = hamming_distance(descriptor, descriptors[t.index]);
+  targets.find_on(line);
+  for (std::size_t i = 0; i < targets.index.size(); ++i) {
+    if (!targets.on_line[i]) continue;
+    if (std::abs(int{targets.octave[i]} - int{feature.octave}) > kMaxOctaves) continue;
+    const int distance = hamming_distance(descriptor, descriptors[targets.index[i]]);
     if (distance < found.best) {
-      found = {distance, found.best, t.index};
+      found = {distance, found.best, targets.index[i]};
     } else {
       found.second = std::min(found.second, distance);
     }
@@ -134,14 +156,7 @@ std::vector<FeaturePair> match_on_epipolar_lines(const View& a,
                                                  const View& b,
                                                  const std::vector<std::uint16_t>& free_b,
                                                  const PairOptions& options) {
-  std::vector<Target> targets;
-  targets.reserve(free_b.size());
-  for (const std::uint16_t i : free_b) {
-    const Feature& f = b.feature(i);
-    const double variance = b.rig->pyramid.variance(f.octave);
-    targets.push_back({f.x, f.y, static_cast<float>(kChi2Line * variance), i, f.octave});
-  }
-
+  Targets targets(b, free_b);
   const Eigen::Matrix3d line_from_pixel = fundamental_matrix(a, b);
   std::vector<Match> matches;
   for (const std::uint16_t i : free_a) {
