@@ -34,19 +34,16 @@ class CovisibilityChanges {
 
   // Calls f(keyframe, changes) for each keyframe with changes, in ascending order, so that the same
   // event does the same on every run; `changes` are pairs of the other keyframe, ascending, and a
-  // number that is not 0. Empty afterwards.
+  // number that is not 0, and may be changed. Empty afterwards.
   template <typename F>
   void take(F&& f) {
     std::vector<std::pair<KeyframeId, std::size_t>> order(numbers_.begin(), numbers_.end());
-    std::vector<KeyframeId> ids(order.size());
-    for (const auto& [id, a] : order) ids[a] = id;
     std::sort(order.begin(), order.end());
     std::vector<std::pair<KeyframeId, int>> changes;
     for (const auto& [id, a] : order) {
       changes.clear();
-      for (std::size_t b = 0; b < rows_[a].size(); ++b)
-        if (rows_[a][b] != 0) changes.emplace_back(ids[b], rows_[a][b]);
-      std::sort(changes.begin(), changes.end());
+      for (const auto& [other, b] : order)
+        if (b < rows_[a].size() && rows_[a][b] != 0) changes.emplace_back(other, rows_[a][b]);
       if (!changes.empty()) f(id, changes);
     }
     numbers_.clear();

@@ -74,8 +74,9 @@ struct Landmark {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // mean direction towards the cameras, in map
   float min_distance = 0, max_distance = 0;          // metres, see LandmarkState
 
-  // Quality: in how many keyframes it should have been found and in how many it was, and how many
-  // keyframes the map had been given when it was made.
+  // Quality: while it was on trial (server/mapping/cull.h), in how many keyframes it should have
+  // been found and in how many it was; and how many keyframes the map had been given when it was
+  // made.
   std::uint32_t visible = 1, found = 1;
   std::uint64_t birth = 0;
   std::uint64_t arrival = 0;   // revision of the map with which it came

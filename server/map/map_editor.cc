@@ -1,6 +1,7 @@
 #include "server/map/map_editor.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "server/map/connected.h"
 #include "server/map/refresh.h"
@@ -13,12 +14,30 @@ bool sees(const Landmark& landmark, KeyframeId keyframe) {
                      [&](const Observation& o) { return o.keyframe == keyframe; });
 }
 
-void change_shared(std::vector<Covisible>& list, KeyframeId other, int change) {
-  auto it = std::find_if(list.begin(), list.end(),
-                         [&](const Covisible& c) { return c.keyframe == other; });
-  if (it == list.end()) it = list.insert(list.end(), {other, 0});
-  it->shared += change;
-  if (it->shared == 0) list.erase(it);
+// Strongest first, before and after. `changes` ascend by keyframe; they are few, or most of the
+// list.
+void change_shared(std::vector<Covisible>& list, std::vector<std::pair<KeyframeId, int>>& changes) {
+  std::size_t left = changes.size(), first = list.size();
+  bool has_gone = false;
+  for (std::size_t i = 0; i < list.size() && left > 0; ++i) {
+    const auto change =
+        std::lower_bound(changes.begin(), changes.end(), list[i].keyframe,
+                         [](const auto& entry, KeyframeId id) { return entry.first < id; });
+    if (change == changes.end() || change->first != list[i].keyframe) continue;
+    list[i].shared += std::exchange(change->second, 0);
+    has_gone |= list[i].shared == 0;
+    first = std::min(first, i);
+    --left;
+  }
+  if (left > 0)
+    for (const auto& [other, shared] : changes)
+      if (shared != 0) list.push_back({other, shared});
+  // Few have changed, and by little: each goes to its place among those before it.
+  for (auto it = list.begin() + static_cast<std::ptrdiff_t>(first); it != list.end(); ++it) {
+    if (it == list.begin() || !stronger(*it, *(it - 1))) continue;
+    std::rotate(std::upper_bound(list.begin(), it, *it, stronger), it, it + 1);
+  }
+  while (has_gone && !list.empty() && list.back().shared == 0) list.pop_back();
 }
 
 // Of many views, one more or less hardly changes which is the most typical.
@@ -26,14 +45,6 @@ bool is_worth_a_descriptor(const Landmark& landmark) {
   constexpr std::size_t kFew = 8, kEvery = 4;
   const std::size_t views = landmark.observations.size();
   return views <= kFew || views % kEvery == 0;
-}
-
-// Strongest first. Few have changed, and by little: each goes to its place among those before it.
-void restore_order(std::vector<Covisible>& list) {
-  for (auto it = list.begin(); it != list.end(); ++it) {
-    if (it == list.begin() || !stronger(*it, *(it - 1))) continue;
-    std::rotate(std::upper_bound(list.begin(), it, *it, stronger), it, it + 1);
-  }
 }
 
 }  // namespace
@@ -151,7 +162,6 @@ bool MapEditor::remove_observation(LandmarkId id, const Observation& observation
   covisibility_.add(observation.keyframe, landmark.observations, -1);
   if (covisibility_.is_full()) update_covisibility();
   if (landmark.observations.empty()) {
-    touched_.erase(id);
     map_.landmarks.erase(id);
     return true;
   }
@@ -216,7 +226,11 @@ bool MapEditor::set_position(LandmarkId id, const Eigen::Vector3d& position) {
 
 void MapEditor::finish() {
   update_covisibility();
+  // In order, so that the same event does the same on every run; of a landmark the strongest first.
+  std::sort(touched_.begin(), touched_.end(), std::greater());
+  LandmarkId last;
   for (const auto& [id, what] : touched_) {
+    if (std::exchange(last, id) == id) continue;
     Landmark* landmark = map_.landmarks.edit(id);
     if (!landmark) continue;
     landmark->revision = map_.revision;
@@ -227,16 +241,9 @@ void MapEditor::finish() {
   touched_.clear();
 }
 
-void MapEditor::touch(LandmarkId id, Touch what) {
-  Touch& entry = touched_.try_emplace(id, what).first->second;
-  entry = std::max(entry, what);
-}
-
 void MapEditor::update_covisibility() {
-  covisibility_.take([&](KeyframeId id, const auto& changes) {
-    std::vector<Covisible>& list = map_.keyframes.edit(id)->covisible.edit();
-    for (const auto& [other, change] : changes) change_shared(list, other, change);
-    restore_order(list);
+  covisibility_.take([&](KeyframeId id, auto& changes) {
+    change_shared(map_.keyframes.edit(id)->covisible.edit(), changes);
   });
 }
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <utility>
+#include <vector>
 
 #include "server/map/covisibility_changes.h"
 #include "server/map/map.h"
@@ -55,7 +55,7 @@ class MapEditor {
 
   bool is_free(const Observation& observation) const;
   void attach(Landmark& landmark, const Observation& observation);
-  void touch(LandmarkId id, Touch what);
+  void touch(LandmarkId id, Touch what) { touched_.emplace_back(id, what); }
   void update_covisibility();
   void set_parent(KeyframeId child, KeyframeId parent);
   KeyframeId new_parent(const KeyframeNode& child, KeyframeId removed) const;
@@ -63,8 +63,7 @@ class MapEditor {
   bool descends_from(KeyframeId id, KeyframeId ancestor) const;
 
   Map& map_;
-  // Ordered, so that the same event does the same in the same order on every run.
-  std::map<LandmarkId, Touch> touched_;
+  std::vector<std::pair<LandmarkId, Touch>> touched_;  // those of landmarks touched twice, twice
   CovisibilityChanges covisibility_;
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <unordered_map>
 
 namespace cairn {
 namespace {
@@ -50,7 +51,7 @@ class Redundancy {
            newest.arrival + options_.gone_after < map_.revision;
   }
 
-  bool is_redundant(KeyframeId id, const KeyframeNode& node) const {
+  bool is_redundant(KeyframeId id, const KeyframeNode& node) {
     std::size_t all = 0, near = 0;
     for (std::size_t f = 0; f < node.landmarks.size(); ++f) {
       if (!node.landmarks[f].is_valid()) continue;
@@ -74,15 +75,21 @@ class Redundancy {
   bool is_removed(KeyframeId id) const { return removed_.contains(id); }
 
  private:
-  bool seen_enough(LandmarkId landmark, KeyframeId by, int octave) const {
+  // Looked up once: many landmarks are seen by the same few.
+  const std::vector<Feature>& features_of(KeyframeId id) {
+    const auto [entry, is_new] = features_.try_emplace(id);
+    if (is_new) entry->second = &map_.keyframes.at(id).features().points;
+    return *entry->second;
+  }
+
+  bool seen_enough(LandmarkId landmark, KeyframeId by, int octave) {
     const auto& observations = map_.landmarks.at(landmark).observations;
     if (std::ssize(observations) <= options_.enough_views) return false;
     int views = 0;
     for (const Observation& o : observations) {
       if (o.keyframe == by || removed_.contains(o.keyframe)) continue;
-      const Features& features = map_.keyframes.at(o.keyframe).features();
       // One octave of tolerance: the same distance falls to either side of a border.
-      if (features.points[o.feature].octave > octave + 1) continue;
+      if (features_of(o.keyframe)[o.feature].octave > octave + 1) continue;
       if (++views >= options_.enough_views) return true;
     }
     return false;
@@ -96,6 +103,7 @@ class Redundancy {
   const CullOptions& options_;
   std::map<std::uint64_t, Newest> newest_;  // by epoch
   std::set<KeyframeId> removed_;
+  std::unordered_map<KeyframeId, const std::vector<Feature>*> features_;
 };
 
 }  // namespace
@@ -110,6 +118,11 @@ double redundant_share(const Map& map, const KeyframeNode& node, const CullOptio
   const double way = std::max(map_is_over / kFull, over(crowd_of(node, options), options.crowd));
   return options.redundant_share +
          std::clamp(way, 0.0, 1.0) * (options.full_share - options.redundant_share);
+}
+
+// A keyframe asks before it is mapped itself.
+bool is_on_trial(const Map& map, KeyframeId reference, const CullOptions& options) {
+  return std::uint64_t{reference.sequence} + options.trial >= map.mapped_of(reference.epoch);
 }
 
 std::vector<LandmarkId> landmarks_failing_trial(const Map& map, KeyframeId newest,

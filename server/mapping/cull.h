@@ -43,6 +43,9 @@ struct CullOptions {
 // The share of its landmarks that others must see for this keyframe of the map to be redundant.
 double redundant_share(const Map& map, const KeyframeNode& node, const CullOptions& options);
 
+// Whether landmarks_failing_trial() may still ask for this one. Landmarks of one keyframe are on
+// trial together.
+bool is_on_trial(const Map& map, KeyframeId reference, const CullOptions& options = {});
 // Landmarks on trial that failed it by the time of the keyframe `newest`.
 std::vector<LandmarkId> landmarks_failing_trial(const Map& map, KeyframeId newest,
                                                 const CullOptions& options = {});

@@ -28,7 +28,8 @@ LocalMappingReport LocalMapping::extend(KeyframeId id, std::size_t waiting) {
       writer_, [&](const Map& map) { return triangulate(map, id, options_.triangulate); });
   const DeltaSummary last = take_step(writer_, [&](const Map& map) {
     MapDelta delta = fuse(map, id, grids_, fusing, FuseDirection::kFrom);
-    delta.sightings = sightings(map, id, grids_, options_.sighting_neighbours, delta.fusions);
+    delta.sightings =
+        sightings(map, id, grids_, options_.sighting_neighbours, delta.fusions, options_.cull);
     return delta;
   });
   report.landmarks_culled = first.landmarks_removed;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "server/map/landmark_set.h"
 #include "server/mapping/keyframe_view.h"
 
 namespace cairn {
@@ -73,11 +74,11 @@ std::vector<KeyframeId> neighbourhood(const Map& map, KeyframeId id, std::size_t
 
 std::vector<LandmarkId> landmarks_of(const Map& map, const std::vector<KeyframeId>& keyframes) {
   std::vector<LandmarkId> all;
+  LandmarkSet seen(1000);
   for (const KeyframeId id : keyframes)
     for (const LandmarkId landmark : map.keyframes.at(id).landmarks)
-      if (landmark.is_valid()) all.push_back(landmark);
+      if (landmark.is_valid() && seen.insert(landmark)) all.push_back(landmark);
   std::sort(all.begin(), all.end());
-  all.erase(std::unique(all.begin(), all.end()), all.end());
   return all;
 }
 

@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_set>
 
 #include "common/wire/map_update_codec.h"
 #include "server/map/connected.h"
+#include "server/map/landmark_set.h"
 #include "server/publish/landmark_state.h"
 #include "server/publish/neighbourhood.h"
 #include "server/publish/parts_of_run.h"
@@ -335,17 +335,14 @@ void ClientView::tell_of_landmarks_around(const Map& map, MapUpdate& update) {
 std::vector<ClientView::News> ClientView::news_around(
     const Map& map, const std::vector<const KeyframeNode*>& around, const Outlook& outlook) {
   std::vector<News> all;
-  std::unordered_set<LandmarkId> strangers;
+  LandmarkSet seen(1000);
   for (std::size_t i = 0; i < around.size(); ++i) {
     for (const LandmarkId& id : around[i]->landmarks) {
-      if (!id.is_valid()) continue;
+      if (!id.is_valid() || !seen.insert(id)) continue;
       const auto slot = known_.find(id);
       if (slot) {
-        if (known_[*slot].last_near == differences_) continue;
         known_[*slot].last_near = differences_;
         near_.push_back(*slot);
-      } else if (!strangers.insert(id).second) {
-        continue;
       }
       auto news = news_of(map, map.landmarks.at(id), outlook, slot);
       if (!news) continue;

@@ -136,6 +136,19 @@ TEST(Sightings, CountWhatShouldBeSeenAndWhatIs) {
   EXPECT_EQ(map.landmarks.at(id).visible, visible + 1);
 }
 
+TEST(Sightings, CountOnlyWhatIsOnTrial) {
+  const SyntheticMap world({.keyframes = 6, .report_share = 0.5});
+  Map map = built(world);
+  GridCache grids;
+  const auto all = sightings(map, {7, 5}, grids);
+  map.mapped_keyframes.insert(7, 5);
+  const auto some = sightings(map, {7, 5}, grids);
+  EXPECT_GE(some.size(), 10u);
+  EXPECT_LT(some.size() + 20, all.size());
+  for (const auto& sighting : some)
+    EXPECT_GE(map.landmarks.at(sighting.landmark).reference.sequence, 2u);
+}
+
 TEST(Sightings, WhatIsAboutToBeFusedWithOneSeenIsFound) {
   const SyntheticMap world({.keyframes = 4, .report_share = 0.5, .duplicate_share = 0.5});
   const Map map = built(world);
