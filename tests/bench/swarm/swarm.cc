@@ -6,7 +6,8 @@
 // a fresh server runs with a map file, and a row says how exact the keyframes' poses are (each
 // client by itself, and all with one alignment), when the parts of the map were merged, what went
 // over the link, how long a keyframe's correction took and how many waited, and what the server
-// cost.
+// cost. Some may flood it: send all that they have at once. What the others feel of it is then the
+// question, and the row speaks of them (poses, merges and the server's cost are of all).
 #include <cstdio>
 
 #include <algorithm>
@@ -34,14 +35,18 @@ struct Arguments {
   std::string scene = "desk";
   int frames = 600;
   double keyframes_per_s = 3;
+  int flooding = 0;  // so many of the clients, the last ones
   std::filesystem::path recordings = "build/bench/swarm";
   std::string keep_log;  // empty: not kept
   std::string log_level = "info";
   std::string config;  // of the server; empty: the defaults
 };
 
+constexpr double kFlood = 1000;  // keyframes a second
+
 struct Outcome {
   std::vector<ReplayResult> clients;
+  std::size_t even = 0;  // so many of them, the first ones, kept to the pace
   Usage usage;
   double seconds = 0;
   std::string log;
@@ -59,10 +64,13 @@ Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<Recorded
   if (!arguments.config.empty()) options.insert(options.end(), {"--config", arguments.config});
   auto server = BenchServer::start(options);
   if (!server) return server.error();
+  Outcome outcome;
+  outcome.even =
+      walks.size() - std::min(walks.size() - 1, static_cast<std::size_t>(arguments.flooding));
   std::vector<std::unique_ptr<ReplayedClient>> clients;
   for (const RecordedWalk& walk : walks) {
-    auto client = ReplayedClient::make(walk, arguments.keyframes_per_s, (*server)->file(walk.name),
-                                       (*server)->node());
+    const double pace = clients.size() < outcome.even ? arguments.keyframes_per_s : kFlood;
+    auto client = ReplayedClient::make(walk, pace, (*server)->file(walk.name), (*server)->node());
     if (!client) return client.error();
     clients.push_back(std::move(*client));
   }
@@ -73,7 +81,6 @@ Result<Outcome> run_swarm(const Arguments& arguments, const std::vector<Recorded
     clients[i]->start(std::chrono::nanoseconds(static_cast<std::int64_t>(
         1e9 * static_cast<double>(i) /
         (arguments.keyframes_per_s * static_cast<double>(clients.size())))));
-  Outcome outcome;
   for (const auto& client : clients) outcome.clients.push_back(client->finish());
   outcome.seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - started).count();
@@ -114,7 +121,8 @@ void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
   double up = 0, down = 0, keyframes = 0;
   std::size_t early = 0, late = 0;
   bool settled = true;
-  for (const ReplayResult& client : outcome.clients) {
+  for (std::size_t i = 0; i < outcome.even; ++i) {
+    const ReplayResult& client = outcome.clients[i];
     corrections.insert(corrections.end(), client.correction_ms.begin(), client.correction_ms.end());
     up += static_cast<double>(client.link.bytes_up) / 1000 / client.seconds;
     down += static_cast<double>(client.link.bytes_down) / 1000 / client.seconds;
@@ -125,7 +133,7 @@ void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
     late = std::max(late, *std::max_element(middle, client.backlog.end()));
     settled = settled && client.settled;
   }
-  const auto count = static_cast<double>(walks.size());
+  const auto count = static_cast<double>(outcome.even);
   const Meetings met = find_meetings(walks, outcome.clients);
   const std::vector<WallTime> merges = merges_in(outcome.log);
   const bool one_map = merges.size() + 1 == walks.size();
@@ -188,6 +196,10 @@ int main(int argc, char** argv) {
   app.add_option("--scene", arguments.scene, "Synthetic scene")->capture_default_str();
   app.add_option("--frames", arguments.frames, "Of each walk")->capture_default_str();
   app.add_option("--keyframes-per-s", arguments.keyframes_per_s, "Of each client")
+      ->capture_default_str();
+  app.add_option("--flooding", arguments.flooding,
+                 "Of the clients, how many send all at once; one never does")
+      ->check(CLI::Range(0, 63))
       ->capture_default_str();
   app.add_option("--recordings", arguments.recordings, "Folder where walks are kept")
       ->capture_default_str();
