@@ -1,6 +1,7 @@
 // Cholesky decomposition of sparse symmetric matrices of 6 x 6 blocks. Private to server/optimize.
 //
-// Eigen's sparse one goes number by number; by blocks the same takes a fifth of the time.
+// Eigen's sparse one goes number by number; by blocks the same takes a fifth of the time. Where no
+// block is zero Eigen's dense one is a fifth faster.
 #pragma once
 
 #include <cstddef>

@@ -1,10 +1,9 @@
 // The normal equations of a bundle's poses once the landmarks are eliminated: symmetric, in blocks
-// of 6 x 6, one for each two poses that see a landmark in common. In a room nearly all do, along a
-// road few; it is solved as a dense or as a sparse system accordingly. Private to server/optimize.
+// of 6 x 6, one for each two poses that see a landmark in common. Private to server/optimize.
 #pragma once
 
 #include <cstddef>
-#include <optional>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,13 +12,15 @@
 
 namespace cairn {
 
-// Which two poses see a landmark in common. A pose does with itself.
+// Which two poses see a landmark in common. A pose does with itself. A bit for any two.
 class PosePairs {
  public:
   explicit PosePairs(int poses);
   void add(int row, int column) { is_pair_[index(row, column)] = true; }  // row <= column
   bool contains(int row, int column) const { return is_pair_[index(row, column)]; }
   int poses() const { return poses_; }
+  // (row, column), column by column, ascending by row.
+  std::vector<std::pair<int, int>> sorted() const;
 
  private:
   static std::size_t index(int row, int column) {
@@ -37,7 +38,7 @@ class PoseSystem {
 
   int poses() const { return poses_; }
   void set_zero();
-  // Of a pair, row <= column. Of those with row == column the upper triangle counts.
+  // Of a pair, row <= column.
   Matrix6& block(int row, int column);
   // Six numbers a pose: the right-hand side, which becomes the solution.
   Eigen::VectorXd& vector() { return vector_; }
@@ -45,8 +46,6 @@ class PoseSystem {
   bool solve();
 
  private:
-  bool solve_dense();
-
   int poses_;
   // Blocks column by column, ascending by row: those of a column are first_[column] up to
   // first_[column + 1].
@@ -54,7 +53,7 @@ class PoseSystem {
   std::vector<int> rows_;
   std::vector<Matrix6> blocks_;
   Eigen::VectorXd vector_;
-  std::optional<BlockCholesky> sparse_;  // unless it is solved as a dense one
+  BlockCholesky cholesky_;
 };
 
 }  // namespace cairn
