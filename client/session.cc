@@ -108,8 +108,10 @@ Status Session::open() {
   frontend_ = std::make_unique<Frontend>(source_->camera(), options_.config.frontend);
 
   const ClientId client{options_.name, random_epoch()};
-  tracker_ = std::make_unique<Tracker>(client.epoch, std::make_shared<Rig>(frontend_->rig()),
-                                       options_.config.tracker);
+  TrackerOptions tracking = options_.config.tracker;
+  tracking.keep_every_pose = !options_.trajectory.empty();
+  tracker_ =
+      std::make_unique<Tracker>(client.epoch, std::make_shared<Rig>(frontend_->rig()), tracking);
   tracker_->set_has_server(!options_.no_server);
 
   LinkOptions link;

@@ -31,6 +31,7 @@ Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOpt
       rig_(std::move(rig)),
       options_(options),
       mono_start_(rig_, options.mono_start),
+      trajectory_(options.keep_every_pose),
       lost_(options.lost) {}
 
 TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {

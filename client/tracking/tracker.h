@@ -44,6 +44,7 @@ struct TrackerOptions {
   double last_frame_radius = 15;  // pixels, search around a predicted position
   double local_map_radius = 1.2;  // factor on the search radius around a landmark's projection
   std::size_t local_keyframes = 60;
+  bool keep_every_pose = true;  // else one a keyframe: FrameTrajectory
   KeyframePolicyOptions keyframes;
   // Without depth: how a map starts, and how later landmarks are made.
   MonoStartOptions mono_start;

@@ -6,6 +6,7 @@ namespace cairn {
 
 void FrameTrajectory::add(std::int64_t stamp_ns, KeyframeId reference,
                           const Rigid3& reference_from_camera) {
+  if (!every_frame_ && !references_.insert(reference).second) return;
   frames_.push_back({stamp_ns, reference, reference_from_camera});
 }
 

@@ -50,6 +50,17 @@ TEST(Tracker, FollowsAWanderingCamera) {
   EXPECT_EQ(run.tracker.trajectory().size(), 300u);
 }
 
+TEST(Tracker, KeepsOnePoseAKeyframeWhereNobodyAsksForMore) {
+  TrackerOptions options;
+  options.keep_every_pose = false;
+  Walk run{.tracker{99, testing::test_rig(), options}};
+  run.tracker.set_has_server(false);
+  for (int i = 0; i < 150; ++i) run.step(wander(i / 30.0));
+  EXPECT_GT(run.tracker.trajectory().size(), 1u);
+  EXPECT_LE(run.tracker.trajectory().size(), run.tracker.keyframes_made());
+  EXPECT_EQ(run.tracker.trajectory_by_part().size(), 1u);
+}
+
 TEST(Tracker, IsLostWithoutFeaturesAndFindsItselfAgain) {
   Walk run;
   run.tracker.set_has_server(false);
