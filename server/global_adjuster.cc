@@ -121,7 +121,7 @@ bool GlobalAdjuster::adjust(const Request& request, std::stop_token stop) {
     Stopwatch watch;
     GlobalBaSummary summary;
     MapDelta delta = solve_global_ba(*map, map->present(request.part_of), options_, &summary, stop);
-    release_free_memory();  // of the solver: some 700 bytes an observation
+    release_free_memory();  // of the solver: hundreds of bytes an observation
     log::info(
         "global BA: {} keyframes, {} landmarks, cost {:.0f} -> {:.0f}, {} outliers, {:.0f} ms: {}",
         summary.keyframes, summary.landmarks, summary.initial_cost, summary.final_cost,

@@ -261,7 +261,8 @@ void Pipeline::map_keyframes() {
     carry_out(client, *desk, taken->item);
     if (taken->behind == 0) desks_.release(client);
     jobs_.done(client);
-    adjust_what_waits();
+    // Whoever takes the last answer comes by here too.
+    if (!jobs_.has_urgent()) adjust_what_waits();
   }
 }
 
@@ -292,23 +293,34 @@ void Pipeline::extend(const ClientId& client, ClientDesk& desk, KeyframeId id) {
   adjuster_.add(id);
 }
 
-// With no client's desk in hand: a solve serves keyframes of several. One solve at most: whom it
-// served is answered first, and whoever answers comes by here again.
+// With no client's desk in hand: a solve serves keyframes of several. Until there is someone to be
+// answered, which goes before the next solve.
 void Pipeline::adjust_what_waits() {
-  const LocalAdjustment done = adjuster_.adjust(unextended_);
-  if (done.keyframes.empty()) return;
-  if (done.solved) metrics_.solving_ms.add(done.solve_ms);
-  log::debug("adjusted around {} keyframes in {:.0f} ms: {} keyframes culled",
-             done.keyframes.size(), done.window_ms + done.solve_ms + done.cull_ms,
-             done.keyframes_culled);
-  for (const KeyframeId id : done.keyframes) on_mapped(id);
+  bool answers = false;
+  while (!answers) {
+    const LocalAdjustment done = adjuster_.adjust(unextended_);
+    if (done.keyframes.empty()) return;
+    if (done.solved) metrics_.solving_ms.add(done.solve_ms);
+    log::debug("adjusted around {} keyframes in {:.0f} ms: {} keyframes culled",
+               done.keyframes.size(), done.window_ms + done.solve_ms + done.cull_ms,
+               done.keyframes_culled);
+    for (const KeyframeId id : done.keyframes) answers |= on_mapped(id);
+  }
 }
 
-void Pipeline::on_mapped(KeyframeId id) {
+// Whether there is somebody to tell.
+bool Pipeline::on_mapped(KeyframeId id) {
   ++metrics_.mapped;
   if (closer_) closer_->offer(id);
-  if (const auto client = under_way_.client_of(id))
-    jobs_.push_urgent(*client, Job{Job::Kind::kAnswer, id});
+  const auto client = under_way_.client_of(id);
+  if (!client) return false;
+  const Job job{Job::Kind::kAnswer, id};
+  // One in lockstep is answered when all that follows is done: others don't wait for that.
+  if (desks_.of(*client)->lockstep)
+    jobs_.push(*client, job);
+  else
+    jobs_.push_urgent(*client, job);
+  return true;
 }
 
 void Pipeline::answer(const ClientId& client, ClientDesk& desk, KeyframeId id) {

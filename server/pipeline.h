@@ -75,7 +75,7 @@ class Pipeline {
   void carry_out(const ClientId& client, ClientDesk& desk, const Job& job);
   void extend(const ClientId& client, ClientDesk& desk, KeyframeId id);
   void adjust_what_waits();
-  void on_mapped(KeyframeId id);
+  bool on_mapped(KeyframeId id);
   void answer(const ClientId& client, ClientDesk& desk, KeyframeId id);
   void finish(const ClientId& client);
   bool tell(const ClientId& client, ClientDesk& desk);

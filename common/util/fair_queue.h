@@ -27,8 +27,17 @@ class FairQueue {
     std::size_t behind = 0;  // items of this party that wait behind this one
   };
 
-  void push(const Party& party, Item item) { push(party, &Lane::items, std::move(item)); }
-  void push_urgent(const Party& party, Item item) { push(party, &Lane::urgent, std::move(item)); }
+  void push(const Party& party, Item item) {
+    push(
+        std::move(item), [&](Lanes & lanes) -> auto& { return lanes[party].items; });
+  }
+  void push_urgent(const Party& party, Item item) {
+    push(
+        std::move(item), [&](Lanes & lanes) -> auto& {
+          ++urgent_;
+          return lanes[party].urgent;
+        });
+  }
 
   // Waits for an item of a party that nobody else is busy with; the caller must say done() to it.
   // Nothing when a stop was asked for, or the queue is closed and empty.
@@ -41,12 +50,14 @@ class FairQueue {
     });
     if (lane == lanes_.end()) return std::nullopt;
     auto& [party, waiting] = *lane;
-    auto& items = waiting.urgent.empty() ? waiting.items : waiting.urgent;
+    const bool is_urgent = !waiting.urgent.empty();
+    auto& items = is_urgent ? waiting.urgent : waiting.items;
     Taken taken{party, std::move(items.front()), waiting.size() - 1};
     items.pop_front();
     waiting.busy = true;
-    last_ = party;
+    (is_urgent ? last_urgent_ : last_) = party;
     --size_;
+    urgent_ -= is_urgent ? 1 : 0;
     return taken;
   }
 
@@ -70,6 +81,10 @@ class FairQueue {
     changed_.notify_all();
   }
 
+  bool has_urgent() const {
+    std::lock_guard lock(mutex_);
+    return urgent_ > 0;
+  }
   std::size_t size() const {
     std::lock_guard lock(mutex_);
     return size_;
@@ -84,25 +99,27 @@ class FairQueue {
   };
   using Lanes = std::map<Party, Lane>;
 
-  void push(const Party& party, std::deque<Item> Lane::*where, Item item) {
+  template <typename Where>
+  void push(Item item, Where&& where) {
     {
       std::lock_guard lock(mutex_);
-      (lanes_[party].*where).push_back(std::move(item));
+      where(lanes_).push_back(std::move(item));
       ++size_;
     }
     changed_.notify_all();
   }
 
   typename Lanes::iterator next_lane() {
-    const auto urgent = next_lane([](const Lane& lane) { return !lane.urgent.empty(); });
-    return urgent != lanes_.end() ? urgent
-                                  : next_lane([](const Lane& lane) { return !lane.items.empty(); });
+    const auto urgent = next_lane(&Lane::urgent, last_urgent_);
+    return urgent != lanes_.end() ? urgent : next_lane(&Lane::items, last_);
   }
-  // The first lane after the one served last, in a circle, that has such an item and is not busy.
-  template <typename HasItem>
-  typename Lanes::iterator next_lane(HasItem&& has_item) {
-    const auto ready = [&](const auto& lane) { return !lane.second.busy && has_item(lane.second); };
-    const auto start = last_ ? lanes_.upper_bound(*last_) : lanes_.begin();
+  // The first lane after `last`, in a circle, that has such an item and is not busy.
+  typename Lanes::iterator next_lane(std::deque<Item> Lane::*which,
+                                     const std::optional<Party>& last) {
+    const auto ready = [&](const auto& lane) {
+      return !lane.second.busy && !(lane.second.*which).empty();
+    };
+    const auto start = last ? lanes_.upper_bound(*last) : lanes_.begin();
     for (auto lane = start; lane != lanes_.end(); ++lane)
       if (ready(*lane)) return lane;
     for (auto lane = lanes_.begin(); lane != start; ++lane)
@@ -113,8 +130,8 @@ class FairQueue {
   mutable std::mutex mutex_;
   std::condition_variable_any changed_;
   Lanes lanes_;
-  std::optional<Party> last_;
-  std::size_t size_ = 0;
+  std::optional<Party> last_, last_urgent_;  // whose item was taken last
+  std::size_t size_ = 0, urgent_ = 0;
   bool closed_ = false;
 };
 

@@ -130,6 +130,7 @@ bool unpack_descriptors(Bytes packed, std::span<Descriptor> descriptors) {
   std::size_t next = 0;
   for (; next + kLanes <= descriptors.size(); next += kLanes)
     unpack_some<kLanes>(unpacker, &descriptors[next]);
+  static_assert(kLanes == 4);
   switch (descriptors.size() - next) {
     case 3:
       unpack_some<3>(unpacker, &descriptors[next]);

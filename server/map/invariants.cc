@@ -59,7 +59,7 @@ void check_features(const Map& map, KeyframeId id, const KeyframeNode& node, Pro
   if (listed != shared || listed.size() != node.covisible.size())
     problems.push_back(text(id) + " has a wrong covisible list");
   for (std::size_t i = 1; i < node.covisible.size(); ++i)
-    if (node.covisible[i - 1].shared < node.covisible[i].shared)
+    if (!stronger(node.covisible[i - 1], node.covisible[i]))
       problems.push_back(text(id) + " has a covisible list out of order");
 }
 

@@ -9,6 +9,8 @@ namespace cairn {
 namespace {
 
 bool fails_trial(const Landmark& landmark, bool mono, std::uint32_t age, const CullOptions& o) {
+  // Sightings stopped counting when it first passed, perhaps long before its present reference.
+  if (landmark.observations.size() >= o.proven) return false;
   if (landmark.found < o.min_found_share * landmark.visible) return true;
   return age >= o.grace &&
          landmark.observations.size() < (mono ? o.min_observations_mono : o.min_observations);

@@ -13,6 +13,7 @@ struct CullOptions {
   // Landmarks are on trial while their reference keyframe is among the `trial` keyframes of its
   // client before the new one.
   std::uint32_t trial = 3;
+  std::size_t proven = 8;            // observations of one that needs no trial
   double min_found_share = 0.25;     // of the keyframes in which it should have been found
   std::uint32_t grace = 2;           // keyframes until it must have been seen often enough:
   std::size_t min_observations = 2;  // with depth

@@ -2,10 +2,10 @@
 // solve serves, and that no two threads that ask here solve for the same keyframe at a time.
 //
 // A keyframe comes here once the other steps of local mapping are done (local_mapping.h). Whoever
-// has brought one asks for work until there is none to do now; a keyframe whose neighbourhood
-// another thread is solving waits for that thread, which finds it when it asks again. So keyframes
-// that come close together, from one client or from several that are at the same place, share a
-// solve, and clients at different places don't wait for each other.
+// has brought one, or has told a client of the result, asks for work; a keyframe whose
+// neighbourhood another thread is solving waits for that thread, which finds it when it asks again.
+// So keyframes that come close together, from one client or from several that are at the same
+// place, share a solve, and clients at different places don't wait for each other.
 //
 // While more keyframes come, who could solve prepares one of those first, until enough wait to
 // share a solve; and while many come windows are smaller. No keyframe is left out.

@@ -70,7 +70,7 @@ struct BundleProblem {
 
   std::vector<Pose> poses;
   std::vector<Point> points;
-  std::vector<Term> terms;  // ascending by point, those of one by pose
+  std::vector<Term> terms;  // ascending by point and then by pose, each pair once
   std::vector<Follower> followers;
 };
 

@@ -26,7 +26,7 @@ using GlobalBaSummary = BundleSummary;
 //
 // The delta is empty (but for its base revision) when there is nothing to solve, the solver failed,
 // or it was asked to stop: half a solution is not worth a change of everything. It looks at `stop`
-// between two steps; a step of 1000 keyframes takes about a second.
+// between two steps; a step of 1000 keyframes takes about half a second.
 MapDelta solve_global_ba(const Map& snapshot, KeyframeId part_of, const GlobalBaOptions& options,
                          GlobalBaSummary* summary = nullptr, std::stop_token stop = {});
 

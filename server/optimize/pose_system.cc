@@ -16,9 +16,9 @@ std::vector<std::pair<int, int>> PosePairs::sorted() const {
   return pairs;
 }
 
-PoseSystem::PoseSystem(const PosePairs& pairs)
-    : poses_(pairs.poses()), first_{0}, cholesky_(poses_, pairs.sorted()) {
-  for (const auto& [row, column] : pairs.sorted()) {
+PoseSystem::PoseSystem(int poses, const std::vector<std::pair<int, int>>& pairs)
+    : poses_(poses), first_{0}, cholesky_(poses, pairs) {
+  for (const auto& [row, column] : pairs) {
     rows_.push_back(row);
     if (row == column) first_.push_back(rows_.size());  // the last of its column
   }

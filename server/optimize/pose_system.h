@@ -34,7 +34,7 @@ class PosePairs {
 // Not thread-safe.
 class PoseSystem {
  public:
-  explicit PoseSystem(const PosePairs& pairs);
+  explicit PoseSystem(const PosePairs& pairs) : PoseSystem(pairs.poses(), pairs.sorted()) {}
 
   int poses() const { return poses_; }
   void set_zero();
@@ -46,6 +46,8 @@ class PoseSystem {
   bool solve();
 
  private:
+  PoseSystem(int poses, const std::vector<std::pair<int, int>>& pairs);
+
   int poses_;
   // Blocks column by column, ascending by row: those of a column are first_[column] up to
   // first_[column + 1].

@@ -45,8 +45,8 @@ class Reprojection {
 
   // Writes rows() errors and, unless `by_point` is null, the derivatives of each by the point.
   // Those by the pose follow from them: for a derivative a by the point X, and the camera's centre
-  // t, the left perturbation (omega, v) has (a x (X - t), -a). False, with errors so large that no
-  // solver steps there and zero derivatives, when the point is not in front of the camera.
+  // t, the left perturbation (omega, v) has (a x (X - t), -a). False, with errors so large that
+  // a step there hardly pays, and zero derivatives, when the point is not in front of the camera.
   bool evaluate(const CameraPlace& camera, const Eigen::Vector3d& point, double* errors,
                 Eigen::Vector3d* by_point) const;
   // Squared norm of the errors; infinity when the point is not in front of the camera.

@@ -1,6 +1,7 @@
 #include "server/optimize/schur_solver.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <utility>
 
@@ -87,6 +88,13 @@ double expected_fall(const Step& step, const Block& block, double damping) {
   return step.dot(damping_of(block.curvature, damping).cwiseProduct(step) + block.descent) / 2;
 }
 
+// What the elimination of points relies on: blocks of the upper triangle only, no pose twice.
+[[maybe_unused]] bool is_in_order(const std::vector<BundleProblem::Term>& terms) {
+  return std::adjacent_find(terms.begin(), terms.end(), [](const auto& a, const auto& b) {
+           return std::pair(a.point, a.pose) >= std::pair(b.point, b.pose);
+         }) == terms.end();
+}
+
 std::vector<int> number_free(const BundleProblem& problem) {
   std::vector<int> free;
   int count = 0;
@@ -125,6 +133,7 @@ SchurSolver::SchurSolver(BundleProblem& problem)
       point_blocks_(problem.points.size()),
       between_(problem.terms.size()),
       system_(pairs_of(problem, free_, first_term_)) {
+  assert(is_in_order(problem.terms));
   pose_blocks_.resize(static_cast<std::size_t>(system_.poses()));
 }
 

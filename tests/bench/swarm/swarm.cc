@@ -131,8 +131,8 @@ void tell(const Outcome& outcome, const std::vector<RecordedWalk>& walks) {
         client.backlog.begin() + static_cast<std::ptrdiff_t>(client.backlog.size() / 2);
     early = std::max(early, *std::max_element(client.backlog.begin(), middle));
     late = std::max(late, *std::max_element(middle, client.backlog.end()));
-    settled = settled && client.settled;
   }
+  for (const ReplayResult& client : outcome.clients) settled = settled && client.settled;
   const auto count = static_cast<double>(outcome.even);
   const Meetings met = find_meetings(walks, outcome.clients);
   const std::vector<WallTime> merges = merges_in(outcome.log);
@@ -162,7 +162,9 @@ int run(const Arguments& arguments) {
   if (!recorded) return fail(recorded.message());
   const std::vector<RecordedWalk>& walks = *recorded;
   fmt::print(
-      "Scene {}, {} frames a client, replayed at {} keyframes a second each. ATE of the keyframes; "
+      "Scene {}, {} frames a client, replayed at {} keyframes a second each, but for {} that send "
+      "all at once and of which poses, merges, cost and `settled` speak only. ATE of the "
+      "keyframes; "
       "merged: seconds from when two clients had seen the same place to the first merge, and from "
       "when "
       "that connected all of them to the last one (before it, where less overlap was enough); "
@@ -172,7 +174,7 @@ int run(const Arguments& arguments) {
       "| clients | keyframes/s | merges | merged s | ATE each m | joint m | up kB/s | down kB/s | "
       "correction p50 ms | p95 | waiting | server CPU % | server MB | settled |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n",
-      arguments.scene, arguments.frames, arguments.keyframes_per_s);
+      arguments.scene, arguments.frames, arguments.keyframes_per_s, arguments.flooding);
   for (const int count : arguments.clients) {
     const std::vector<RecordedWalk> some(walks.begin(), walks.begin() + count);
     const Result<Outcome> outcome = run_swarm(arguments, some);

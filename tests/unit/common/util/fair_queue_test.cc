@@ -63,6 +63,24 @@ TEST(FairQueue, UrgentItemsComeFirstInTheirOrderAndOneAtATimeToo) {
   EXPECT_EQ(queue.size(), 0u);
 }
 
+TEST(FairQueue, UrgentItemsDoNotShiftTheTurnsOfOthers) {
+  FairQueue<std::string, int> queue;
+  for (int i = 1; i <= 3; ++i) queue.push("a", i);
+  queue.push("b", 4);
+  const auto next = [&] {
+    const auto taken = queue.take();
+    queue.done(taken->party);
+    return taken->item;
+  };
+  EXPECT_EQ(next(), 1);
+  queue.push_urgent("c", 5);
+  EXPECT_TRUE(queue.has_urgent());
+  EXPECT_EQ(next(), 5);
+  EXPECT_FALSE(queue.has_urgent());
+  EXPECT_EQ(next(), 4);  // b's turn still
+  EXPECT_EQ(next(), 2);
+}
+
 TEST(FairQueue, HandsOutWhatIsLeftAfterClosing) {
   FairQueue<int, int> queue;
   queue.push(1, 7);

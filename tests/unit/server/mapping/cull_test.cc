@@ -63,6 +63,10 @@ TEST(CullLandmarks, ThoseRarelyFoundGo) {
   const std::vector<LandmarkId> failing = landmarks_failing_trial(map, kf(2));
   EXPECT_THAT(failing, Contains(of_last[0]));
   EXPECT_THAT(failing, Not(Contains(of_last[1])));
+  // One that many have seen has long had its trial, whatever its reference.
+  CullOptions options;
+  options.proven = map.landmarks.at(of_last[0]).observations.size();
+  EXPECT_THAT(landmarks_failing_trial(map, kf(2), options), Not(Contains(of_last[0])));
 }
 
 TEST(CullKeyframes, ThoseThatSayNothingNewGoButNotTheNewestNorRoots) {
