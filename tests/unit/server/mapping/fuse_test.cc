@@ -149,6 +149,33 @@ TEST(Sightings, CountOnlyWhatIsOnTrial) {
     EXPECT_GE(map.landmarks.at(sighting.landmark).reference.sequence, 2u);
 }
 
+// Those that don't count would change no verdict.
+TEST(Sightings, OfWhatIsOnTrialAreEnoughToJudge) {
+  const SyntheticMap world({.keyframes = 8, .report_share = 0.5});
+  Map all = built(world), some = all;
+  GridCache grids;
+  CullOptions judging, counting_all;
+  judging.min_found_share = 0.6;
+  counting_all.trial = 1000;
+  std::size_t counted_all = 0, counted = 0, failed = 0;
+  const auto count = [&](Map& map, KeyframeId id, const CullOptions& options) {
+    MapDelta delta = MapDelta::based_on(map);
+    delta.sightings = sightings(map, id, grids, 10, {}, options);
+    delta.mapped_keyframes = {id};
+    apply_delta(map, delta);
+    return delta.sightings.size();
+  };
+  for (std::uint32_t k = 0; k < 8; ++k) {
+    const auto verdict = landmarks_failing_trial(some, {7, k}, judging);
+    EXPECT_EQ(verdict, landmarks_failing_trial(all, {7, k}, judging)) << "keyframe " << k;
+    failed += verdict.size();
+    counted_all += count(all, {7, k}, counting_all);
+    counted += count(some, {7, k}, judging);
+  }
+  EXPECT_GT(failed, 0u);
+  EXPECT_LT(counted, counted_all);
+}
+
 TEST(Sightings, WhatIsAboutToBeFusedWithOneSeenIsFound) {
   const SyntheticMap world({.keyframes = 4, .report_share = 0.5, .duplicate_share = 0.5});
   const Map map = built(world);
