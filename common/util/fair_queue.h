@@ -27,17 +27,8 @@ class FairQueue {
     std::size_t behind = 0;  // items of this party that wait behind this one
   };
 
-  void push(const Party& party, Item item) {
-    push(
-        std::move(item), [&](Lanes & lanes) -> auto& { return lanes[party].items; });
-  }
-  void push_urgent(const Party& party, Item item) {
-    push(
-        std::move(item), [&](Lanes & lanes) -> auto& {
-          ++urgent_;
-          return lanes[party].urgent;
-        });
-  }
+  void push(const Party& party, Item item) { add(party, std::move(item), false); }
+  void push_urgent(const Party& party, Item item) { add(party, std::move(item), true); }
 
   // Waits for an item of a party that nobody else is busy with; the caller must say done() to it.
   // Nothing when a stop was asked for, or the queue is closed and empty.
@@ -99,12 +90,13 @@ class FairQueue {
   };
   using Lanes = std::map<Party, Lane>;
 
-  template <typename Where>
-  void push(Item item, Where&& where) {
+  void add(const Party& party, Item item, bool is_urgent) {
     {
       std::lock_guard lock(mutex_);
-      where(lanes_).push_back(std::move(item));
+      Lane& lane = lanes_[party];
+      (is_urgent ? lane.urgent : lane.items).push_back(std::move(item));
       ++size_;
+      urgent_ += is_urgent ? 1 : 0;
     }
     changed_.notify_all();
   }
