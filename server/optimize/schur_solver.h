@@ -4,8 +4,8 @@
 // Why not Ceres, which solves the pose graph: a window of local mapping is solved for each few
 // keyframes, and clients wait for it. Ceres builds problem and matrices anew each time and
 // multiplies blocks of any size; here next to nothing is built, all blocks are of fixed size, and
-// no Jacobian is ever written down. The same cost is minimised to the same minimum four to six
-// times faster (cairn_optimize_bench; bare_ba_test.cc compares the results).
+// no Jacobian is ever written down. The same cost is minimised to the same minimum four to
+// seven times faster (cairn_optimize_bench; bare_ba_test.cc compares the results).
 #pragma once
 
 #include <cstddef>
