@@ -249,8 +249,7 @@ class MonoStart::Attempt {
     std::vector<PoseObservation> observations;
     for (std::size_t p = 0; p < s.points.size(); ++p)
       if (const Feature* f = image.find(latest_.sights[s.points[p]].track.reference))
-        observations.push_back({s.bundle.points[p], f->pixel(), 0,
-                                measurement_sigma(rig_, rig_.pyramid.scale(f->octave))});
+        observations.push_back({s.bundle.points[p], f->pixel(), 0, measurement_sigma(rig_, *f)});
     return solve_pose(rig_.camera, Rigid3(), observations);
   }
 

@@ -133,7 +133,7 @@ double median_squared_distance(const PinholeCamera& camera, const Rigid3& camera
 }  // namespace
 
 PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_from_camera,
-                        std::span<const PoseObservation> observations) {
+                        std::span<const PoseObservation> observations, double slack) {
   PoseSolution solution;
   solution.map_from_camera = initial_map_from_camera;
   solution.is_inlier.assign(observations.size(), false);
@@ -147,7 +147,7 @@ PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_f
     for (std::size_t i = 0; i < observations.size(); ++i) {
       const Residual r =
           residual(camera, observations[i], camera_from_map * observations[i].point_in_map);
-      use[i] = r.in_front && r.squared <= threshold(observations[i]);
+      use[i] = r.in_front && r.squared <= slack * slack * threshold(observations[i]);
       inliers += use[i];
     }
     solution.inliers = inliers;

@@ -32,9 +32,10 @@ struct PoseSolution {
 
 // Minimises the Huber-robust reprojection error, starting at `initial_map_from_camera`. Outliers
 // are sorted out between rounds by the chi-square test and may come back in a later round; the last
-// rounds are plain least squares over the inliers. With fewer than three observations nothing is
-// solved: the initial pose comes back and no inliers.
+// rounds are plain least squares over the inliers. `slack`: how many times the usual standard
+// deviations count in that test. With fewer than three observations nothing is solved: the initial
+// pose comes back and no inliers.
 PoseSolution solve_pose(const PinholeCamera& camera, const Rigid3& initial_map_from_camera,
-                        std::span<const PoseObservation> observations);
+                        std::span<const PoseObservation> observations, double slack = 1);
 
 }  // namespace cairn

@@ -37,7 +37,7 @@ std::vector<ProvisionalLandmark> triangulate_provisional(const LocalMap& map,
                                                          const TrackedFrame& frame,
                                                          const ProvisionalOptions& options) {
   std::vector<ProvisionalLandmark> made;
-  const View view{frame.rig.get(), &frame.features, frame.map_from_camera.inverse(), frame.noise};
+  const View view{frame.rig.get(), &frame.features, frame.map_from_camera.inverse(), frame.noise()};
   const double least_baseline = options.min_baseline * median_depth(frame);
   std::vector<std::uint16_t> free = unmatched(frame);
   std::vector<bool> used(frame.features.size(), false);

@@ -10,14 +10,14 @@ int refine_pose(TrackedFrame& frame) {
   for (std::size_t f = 0; f < frame.matches.size(); ++f) {
     if (!frame.matches[f].matched) continue;
     const Feature& feature = frame.features.points[f];
-    observations.push_back(
-        {frame.matches[f].position, feature.pixel(), feature.disparity,
-         measurement_sigma(*frame.rig, frame.rig->pyramid.scale(feature.octave))});
+    observations.push_back({frame.matches[f].position, feature.pixel(), feature.disparity,
+                            measurement_sigma(*frame.rig, feature)});
     feature_of.push_back(f);
   }
-  const PoseSolution solution = solve_pose(frame.rig->camera, frame.map_from_camera, observations);
+  const PoseSolution solution =
+      solve_pose(frame.rig->camera, frame.map_from_camera, observations, frame.slack);
   frame.map_from_camera = solution.map_from_camera;
-  if (solution.inliers > 0) frame.noise = keyframe_noise(solution.median_squared);
+  if (solution.inliers > 0) frame.median_squared = solution.median_squared;
   int landmarks = 0;
   for (std::size_t i = 0; i < observations.size(); ++i) {
     FeatureMatch& match = frame.matches[feature_of[i]];

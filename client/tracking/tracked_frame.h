@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "common/feature/feature_grid.h"
 #include "common/model/keyframe.h"
+#include "common/model/measurement_noise.h"
 
 namespace cairn {
 
@@ -27,7 +29,9 @@ struct TrackedFrame {
   FeatureGrid grid;
   std::vector<FeatureMatch> matches;  // one a feature
   Rigid3 map_from_camera;
-  float noise = 1;  // see Keyframe::noise; known once the pose is
+  double slack = 1;  // of the outlier test, see NoiseLevel
+  // How far off the matches lie, see PoseSolution; known once the pose is.
+  std::optional<double> median_squared;
 
   TrackedFrame(std::int64_t stamp, std::shared_ptr<const Rig> the_rig, Features found)
       : stamp_ns(stamp),
@@ -36,6 +40,8 @@ struct TrackedFrame {
         grid(features, rig->camera),
         matches(features.size()) {}
 
+  // See Keyframe::noise.
+  float noise() const { return median_squared ? keyframe_noise(*median_squared) : 1.0f; }
   // Where feature f lies by its depth, in map. Needs has_depth().
   Eigen::Vector3d point_in_map(std::size_t f) const {
     const Feature& feature = features.points[f];

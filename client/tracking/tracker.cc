@@ -36,6 +36,7 @@ Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOpt
 
 TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
   auto frame = std::make_unique<TrackedFrame>(stamp_ns, rig_, std::move(features));
+  frame->slack = noise_level_.slack();
   TrackingResult result;
   ++frames_since_keyframe_;
   const bool placed =
@@ -85,6 +86,7 @@ bool Tracker::follow(TrackedFrame& frame, TrackingResult& result) {
               landmarks);
   const bool continuous = state_ == TrackingState::kTracking;
   state_ = TrackingState::kTracking;
+  if (frame.median_squared) noise_level_.add(*frame.median_squared);
   choose_reference(frame);
   if (continuous) {
     last_from_current_ = last_->map_from_camera.inverse() * frame.map_from_camera;
@@ -328,7 +330,7 @@ KeyframePtr Tracker::make_keyframe(TrackedFrame& frame,
   keyframe->id = {epoch_, next_sequence_++};
   keyframe->stamp_ns = frame.stamp_ns;
   keyframe->rig = rig_;
-  keyframe->noise = frame.noise;
+  keyframe->noise = frame.noise();
   keyframe->odom_from_camera = map_from_odom_.inverse() * Sim3(frame.map_from_camera);
   keyframe->reference = reference_;
   if (const auto map_from_reference = foreign_reference_ ? foreign_reference_->map_from_camera

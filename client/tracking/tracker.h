@@ -19,6 +19,7 @@
 #include "client/tracking/local_map.h"
 #include "client/tracking/lost_time.h"
 #include "client/tracking/mono_start.h"
+#include "client/tracking/noise_level.h"
 #include "client/tracking/provisional.h"
 #include "client/tracking/tracked_frame.h"
 #include "client/tracking/trajectory.h"
@@ -143,6 +144,7 @@ class Tracker {
   std::unique_ptr<TrackedFrame> last_;  // the last tracked frame
   Rigid3 last_from_current_;            // predicted motion, camera to camera
   bool has_motion_ = false;
+  NoiseLevel noise_level_;
   KeyframeId reference_;        // own keyframe that the current view is nearest to
   Rigid3 reference_from_last_;  // the last frame's pose, relative to it, in its own unit
   Sim3 map_from_odom_;          // odom keeps the unit that the run has begun with

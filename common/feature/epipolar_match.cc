@@ -27,7 +27,10 @@ struct Targets {
       const Feature& f = view.feature(i);
       x.push_back(f.x);
       y.push_back(f.y);
-      max_squared.push_back(static_cast<float>(kChi2Line * view.rig->pyramid.variance(f.octave)));
+      // Wider than the noise of a position (ScalePyramid::sigma): the poses that draw the line are
+      // not adjusted yet.
+      const double tolerance = view.rig->pyramid.scale(f.octave);
+      max_squared.push_back(static_cast<float>(kChi2Line * tolerance * tolerance));
       octave.push_back(f.octave);
     }
     on_line.resize(index.size());

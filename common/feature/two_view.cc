@@ -25,8 +25,7 @@ struct Normal {
 };
 
 MeasurementSigma sigma_of(const View& view, const Feature& feature) {
-  const MeasurementSigma usual =
-      measurement_sigma(*view.rig, view.rig->pyramid.scale(feature.octave));
+  const MeasurementSigma usual = measurement_sigma(*view.rig, feature);
   return {view.noise * usual.pixel, view.noise * usual.disparity};
 }
 

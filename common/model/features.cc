@@ -8,9 +8,9 @@ double ScalePyramid::scale(int octave) const {
   return std::pow(static_cast<double>(factor), octave);
 }
 
-double ScalePyramid::variance(int octave) const {
-  const double s = scale(octave);
-  return s * s;
+double ScalePyramid::sigma(int octave) const {
+  constexpr double kExponent = 0.7;
+  return std::pow(static_cast<double>(factor), kExponent * octave);
 }
 
 }  // namespace cairn

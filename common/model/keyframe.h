@@ -52,7 +52,8 @@ struct Keyframe {
   Sim3 reference_from_camera;
 
   // How many times less precisely than usual features lie where they should, see
-  // measurement_noise.h: more than 1 for an image blurred by motion.
+  // measurement_noise.h: more than 1 for an image blurred by motion, less for a sharp one in a
+  // map that fits.
   float noise = 1;
 
   // At most one match a feature, features ascending. A match whose landmark names this very

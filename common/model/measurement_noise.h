@@ -14,7 +14,7 @@ inline constexpr double kChi2TwoDof = 5.991;    // u, v
 inline constexpr double kChi2ThreeDof = 7.815;  // u, v, disparity
 
 // Bounds of Keyframe::noise.
-inline constexpr float kMinNoise = 0.7f, kMaxNoise = 4;
+inline constexpr float kMinNoise = 0.4f, kMaxNoise = 4;
 
 // Standard deviations in pixels of u and v, and of the disparity.
 struct MeasurementSigma {
@@ -22,18 +22,17 @@ struct MeasurementSigma {
   double disparity = 1;
 };
 
-// `scale` is that of the octave that the feature was found at. A stereo disparity is found on that
-// octave's pixels and is as coarse as they are. An RGB-D sensor measures depth apart from the
-// image, so that it is as good for coarse features as for fine ones; the rig's virtual baseline
-// makes it one pixel.
-inline MeasurementSigma measurement_sigma(const Rig& rig, double scale) {
-  return {scale, rig.sensor == Sensor::kRgbd ? 1.0 : scale};
+// A stereo disparity is found on the pixels of the feature's octave and is as coarse as they are.
+// An RGB-D sensor measures depth apart from the image, so that it is as good for coarse features as
+// for fine ones; the rig's virtual baseline makes it one pixel.
+inline MeasurementSigma measurement_sigma(const Rig& rig, const Feature& feature) {
+  const double pixel = rig.pyramid.sigma(feature.octave);
+  return {pixel, rig.sensor == Sensor::kRgbd ? 1.0 : pixel};
 }
 
 // The same in a keyframe, some of which are less precise than others as a whole.
 inline MeasurementSigma measurement_sigma(const Keyframe& keyframe, const Feature& feature) {
-  const MeasurementSigma usual =
-      measurement_sigma(*keyframe.rig, keyframe.rig->pyramid.scale(feature.octave));
+  const MeasurementSigma usual = measurement_sigma(*keyframe.rig, feature);
   return {keyframe.noise * usual.pixel, keyframe.noise * usual.disparity};
 }
 

@@ -80,6 +80,18 @@ TEST(PoseSolver, SortsOutWrongMatches) {
   EXPECT_GT(s.inliers, static_cast<int>(0.9 * static_cast<double>(observations.size() - wrong)));
 }
 
+TEST(PoseSolver, TakesForWrongWhatLiesBeyondTheSlack) {
+  FeatureWorld world(6);
+  const auto rig = testing::test_rig();
+  const Rigid3 truth = testing::wander(0.5);
+  auto observations = observe(world, *rig, truth, 0.2);
+  observations[0].pixel.x() += 1.6;
+  EXPECT_TRUE(solve_pose(rig->camera, truth, observations).is_inlier[0]);
+  const PoseSolution strict = solve_pose(rig->camera, truth, observations, 0.5);
+  EXPECT_FALSE(strict.is_inlier[0]);
+  EXPECT_EQ(strict.inliers, static_cast<int>(observations.size()) - 1);
+}
+
 TEST(PoseSolver, CountsPointsBehindTheCameraAsOutliers) {
   FeatureWorld world(4);
   const auto rig = testing::test_rig();

@@ -1,16 +1,18 @@
 #include "common/model/features.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace cairn {
 namespace {
 
-TEST(ScalePyramid, ScaleGrowsByTheFactorAndVarianceByItsSquare) {
+TEST(ScalePyramid, ScaleGrowsByTheFactorAndSigmaSlower) {
   const ScalePyramid pyramid{.factor = 2, .levels = 4};
   EXPECT_DOUBLE_EQ(pyramid.scale(0), 1);
   EXPECT_DOUBLE_EQ(pyramid.scale(3), 8);
-  EXPECT_DOUBLE_EQ(pyramid.variance(0), 1);
-  EXPECT_DOUBLE_EQ(pyramid.variance(3), 64);
+  EXPECT_DOUBLE_EQ(pyramid.sigma(0), 1);
+  EXPECT_NEAR(pyramid.sigma(3), std::pow(8, 0.7), 1e-12);
 }
 
 TEST(Feature, DepthIsKnownWhenThereIsADisparity) {

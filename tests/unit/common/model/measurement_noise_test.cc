@@ -17,7 +17,7 @@ TEST(MeasurementSigma, OfAKeyframeIsItsNoiseTimesTheUsual) {
   keyframe.rig = std::make_shared<Rig>();
   Feature feature;
   feature.octave = 2;
-  const MeasurementSigma usual = measurement_sigma(*keyframe.rig, 1.2 * 1.2);
+  const MeasurementSigma usual = measurement_sigma(*keyframe.rig, feature);
   keyframe.noise = 3;
   EXPECT_NEAR(measurement_sigma(keyframe, feature).pixel, 3 * usual.pixel, 1e-6);
   EXPECT_NEAR(measurement_sigma(keyframe, feature).disparity, 3 * usual.disparity, 1e-6);

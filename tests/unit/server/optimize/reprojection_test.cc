@@ -103,7 +103,7 @@ TEST(Reprojection, WeighsPixelsByOctaveAndDepthByTheSensor) {
     feature.disparity += 3;  // so that the right column is right
     const auto errors =
         errors_at(Reprojection(keyframe_of(rig), feature), kPose, kPose * kPointInCamera);
-    EXPECT_NEAR(errors.x(), -3 / (1.2 * 1.2), 1e-4);
+    EXPECT_NEAR(errors.x(), -3 / rig.pyramid.sigma(2), 1e-4);
     // A structured-light sensor's disparity is as good for coarse features as for fine ones.
     EXPECT_NEAR(errors.z(), sensor == Sensor::kRgbd ? -3 : 0, 1e-4);
   }

@@ -1,0 +1,36 @@
+// How precise a camera's views are, learned while it is tracked.
+//
+// How far a right match lies off differs between cameras: by three tenths of a pixel where lens,
+// shutter and depth are good, by more than one with a rolling shutter or depth that was taken at
+// another moment. One bound for all either lets wrong matches in or throws right ones out. So the
+// bound follows what the run's views have shown, slowly: a blurred image must not widen its own.
+// Figures in tests/bench/RESULTS.md.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+
+// Used from one thread.
+class NoiseLevel {
+ public:
+  // For solve_pose: how many times the usual standard deviations the outlier test should allow.
+  double slack() const {
+    return std::clamp(std::sqrt(median_squared_ / kUsual), kLeastSlack, kMostSlack);
+  }
+
+  // PoseSolution::median_squared of the next tracked frame.
+  void add(double median_squared) {
+    median_squared_ += kNewShare * (median_squared - median_squared_);
+  }
+
+ private:
+  static constexpr double kUsual = 0.5;     // the median that the usual bound fits
+  static constexpr double kNewShare = 0.1;  // of the next frame: ten frames, a third of a second
+  static constexpr double kLeastSlack = 0.4, kMostSlack = 1.2;
+
+  double median_squared_ = kUsual;  // running mean
+};
+
+}  // namespace cairn
