@@ -14,8 +14,13 @@ int refine_pose(TrackedFrame& frame) {
                             measurement_sigma(*frame.rig, feature)});
     feature_of.push_back(f);
   }
-  const PoseSolution solution =
-      solve_pose(frame.rig->camera, frame.map_from_camera, observations, frame.slack);
+  const auto solve = [&](double slack) {
+    return solve_pose(frame.rig->camera, frame.map_from_camera, observations, slack);
+  };
+  PoseSolution solution = solve(frame.slack);
+  // Where few fit, the view is worse than those before it, by a blow to the camera perhaps.
+  if (frame.slack < 1 && 2 * static_cast<std::size_t>(solution.inliers) < observations.size())
+    solution = solve(1);
   frame.map_from_camera = solution.map_from_camera;
   if (solution.inliers > 0) frame.median_squared = solution.median_squared;
   int landmarks = 0;
