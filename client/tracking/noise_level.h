@@ -3,8 +3,8 @@
 // How far a right match lies off differs between cameras: by three tenths of a pixel where lens,
 // shutter and depth are good, by more than one with a rolling shutter or depth that was taken at
 // another moment. One bound for all either lets wrong matches in or throws right ones out. So the
-// bound follows what the run's views have shown, slowly: a blurred image must not widen its own.
-// Figures in tests/bench/RESULTS.md.
+// bound follows what the run's views have shown, not each view: a blurred one must not widen its
+// own as long as most of it fits (refine.h). Figures in tests/bench/RESULTS.md.
 #pragma once
 
 #include <algorithm>

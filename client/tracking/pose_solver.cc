@@ -40,7 +40,8 @@ double threshold(const PoseObservation& o) {
   return o.disparity > 0 ? kChi2ThreeDof : kChi2TwoDof;
 }
 
-// Huber's cost and weight for a squared whitened residual; the kernel's width is the outlier bound.
+// Huber's cost and weight for a squared whitened residual; the kernel's width is the
+// usual outlier bound, whatever the slack: the start may be far off.
 double huber_cost(double squared, double bound) {
   return squared <= bound ? squared : 2 * std::sqrt(bound * squared) - bound;
 }

@@ -17,10 +17,6 @@ constexpr double kConfidence = 0.99;
 constexpr std::size_t kKeyframesAround = 20;
 constexpr double kSearchRadius = 3.0;  // see match_to_landmarks
 
-void clear(TrackedFrame& frame) {
-  frame.matches.assign(frame.features.size(), {});
-}
-
 // Pose by consensus; unmatches what is not part of it.
 bool solve_by_consensus(TrackedFrame& frame) {
   std::vector<cv::Point3d> points;
@@ -66,7 +62,7 @@ bool solve_by_consensus(TrackedFrame& frame) {
 
 bool relocalise_against(const Keyframe& keyframe, LocalMap& map, int min_inliers,
                         TrackedFrame& frame) {
-  clear(frame);
+  frame.clear_matches();
   const bool found = match_to_keyframe(keyframe, map, frame) >= kMinMatches &&
                      solve_by_consensus(frame) && refine_pose(frame) >= kMinConsensus;
   if (found) {
@@ -74,7 +70,7 @@ bool relocalise_against(const Keyframe& keyframe, LocalMap& map, int min_inliers
     match_to_landmarks(map.around(shown, kKeyframesAround), kSearchRadius, frame);
     if (refine_pose(frame) >= min_inliers) return true;
   }
-  clear(frame);
+  frame.clear_matches();
   return false;
 }
 

@@ -42,6 +42,11 @@ struct TrackedFrame {
 
   // See Keyframe::noise.
   float noise() const { return median_squared ? keyframe_noise(*median_squared) : 1.0f; }
+  // Before another try to place the frame.
+  void clear_matches() {
+    matches.assign(features.size(), {});
+    median_squared.reset();
+  }
   // Where feature f lies by its depth, in map. Needs has_depth().
   Eigen::Vector3d point_in_map(std::size_t f) const {
     const Feature& feature = features.points[f];

@@ -20,10 +20,6 @@ int features_with_depth(const TrackedFrame& frame) {
                                         [](const Feature& f) { return f.has_depth(); }));
 }
 
-void clear_matches(TrackedFrame& frame) {
-  frame.matches.assign(frame.features.size(), FeatureMatch{});
-}
-
 }  // namespace
 
 Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOptions options)
@@ -36,7 +32,8 @@ Tracker::Tracker(std::uint64_t epoch, std::shared_ptr<const Rig> rig, TrackerOpt
 
 TrackingResult Tracker::track(std::int64_t stamp_ns, Features features) {
   auto frame = std::make_unique<TrackedFrame>(stamp_ns, rig_, std::move(features));
-  frame->slack = noise_level_.slack();
+  // A view of what was left behind, or has been mapped by others, fits less well.
+  if (state_ == TrackingState::kTracking) frame->slack = noise_level_.slack();
   TrackingResult result;
   ++frames_since_keyframe_;
   const bool placed =
@@ -118,6 +115,7 @@ bool Tracker::give_up(const TrackedFrame& frame) {
   mono_start_ = MonoStart(rig_, options_.mono_start);
   reference_ = {};  // nothing connects it with what was before
   last_.reset();
+  noise_level_ = {};
   return true;
 }
 
@@ -129,7 +127,8 @@ void Tracker::ask_about(std::unique_ptr<TrackedFrame> frame, TrackingResult& res
   question->rig = rig_;
   question->features = frame->features;
   result.question = std::move(question);
-  clear_matches(*frame);
+  frame->clear_matches();
+  frame->slack = 1;  // what it is to be held against is others' landmarks
   asked_ = std::move(frame);
   lost_.asked();
 }
@@ -229,7 +228,7 @@ int Tracker::follow_motion(TrackedFrame& frame) {
       has_motion_ ? last_->map_from_camera * last_from_current_ : last_->map_from_camera;
   const Rigid3 predicted = frame.map_from_camera;
   for (const double factor : {1.0, 2.0}) {
-    clear_matches(frame);
+    frame.clear_matches();
     frame.map_from_camera = predicted;
     const int matches =
         match_to_last_frame(*last_, map_, factor * options_.last_frame_radius, frame);
