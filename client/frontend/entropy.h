@@ -57,14 +57,15 @@ struct EntropyOptions {
   double delta = 0.3;     // bits
   double scene_mean = 0;  // kCalibrated: H_ave in bits, EntropyThreshold::mean() of a first pass
   double fixed_threshold = 0;  // kFixed: E0 in bits
-  // Least E0 in flat images (more than ExtractorOptions::flat_share of the blocks lie below it), in
-  // the modes online and calibrated, bits. Eq. 12 sets E0 relative to the scene: where all of it is
-  // flat, hardly any block lies below, although nothing can be tracked there without sharpening.
-  // Elsewhere the bound does harm: faint corners of flat walls are matched worse and located worse
-  // than others. 0: eq. 12 as it stands.
+  // Least E0 on levels of an image where E0 leaves too few corners, in the modes online and
+  // calibrated, bits. Eq. 12 sets E0 relative to the scene: where all of it is weak, hardly any
+  // block lies below, although little can be tracked there without sharpening. On other levels the
+  // bound does harm: faint corners of flat walls are matched worse and located worse than others.
+  // 0: eq. 12 as it stands.
   double min_threshold = 3;
 
-  double least_in_flat_images() const {
+  // Of levels that lack corners; 0: nothing more is done for them.
+  double threshold_to_fill() const {
     return mode == EntropyMode::kOnline || mode == EntropyMode::kCalibrated ? min_threshold : 0;
   }
 };

@@ -23,7 +23,6 @@ double share(const ScalePyramid& pyramid, int level) {
 
 ExtractorOptions as_in_paper(ExtractorOptions options) {
   options.entropy.min_threshold = 0;
-  options.flat_share = 1;
   options.best_first = false;
   options.describe_sharpened = true;
   return options;
@@ -52,11 +51,11 @@ void Extractor::extract(const cv::Mat& gray, Features& out) {
   double due = 0;
   int taken = 0;
   for (int level = 0; level < pyramid_.levels(); ++level) {
-    const cv::Mat image = sharpen_blocks(level);
-    find_corners(image);
     // What one level cannot fill of its share the coarser ones may use.
     due += options_.features * share(options_.pyramid, level);
-    choose_corners(level, static_cast<int>(std::lround(due)) - taken);
+    const int wanted = static_cast<int>(std::lround(due)) - taken;
+    const cv::Mat image = find_corners(level, wanted);
+    choose_corners(level, wanted);
     taken += static_cast<int>(chosen_.size());
     emit(level, image, out);
   }
@@ -64,55 +63,65 @@ void Extractor::extract(const cv::Mat& gray, Features& out) {
 }
 
 void Extractor::measure_entropy() {
-  low_threshold_ = options_.fast.low_threshold;
   if (options_.entropy.mode == EntropyMode::kOff) return;
   const Stopwatch watch;
-  entropies_.clear();
-  next_entropy_ = 0;
-  for (int level = 0; level < pyramid_.levels(); ++level)
+  entropies_.resize(static_cast<std::size_t>(pyramid_.levels()));
+  double sum = 0;
+  for (int level = 0; level < pyramid_.levels(); ++level) {
+    std::vector<float>& entropies = entropies_[static_cast<std::size_t>(level)];
+    entropies.clear();
     append_block_entropies(pyramid_[level],
                            BlockGrid(pyramid_[level].size(), options_.entropy.block),
-                           options_.entropy.variant, entropies_, *kernels_);
-  stats_.blocks = static_cast<int>(entropies_.size());
-  stats_.image_entropy = std::accumulate(entropies_.begin(), entropies_.end(), 0.0) / stats_.blocks;
-  stats_.threshold = threshold_.next(stats_.image_entropy);
-  const double in_flat = std::max(stats_.threshold, options_.entropy.least_in_flat_images());
-  const auto weak =
-      std::count_if(entropies_.begin(), entropies_.end(), [&](float e) { return e < in_flat; });
-  if (static_cast<double>(weak) > options_.flat_share * stats_.blocks) {
-    stats_.threshold = in_flat;
-    low_threshold_ = std::min(low_threshold_, options_.fast.flat_threshold);
+                           options_.entropy.variant, entropies, *kernels_);
+    sum = std::accumulate(entropies.begin(), entropies.end(), sum);
+    stats_.blocks += static_cast<int>(entropies.size());
   }
+  stats_.image_entropy = sum / stats_.blocks;
+  stats_.threshold = threshold_.next(stats_.image_entropy);
   stats_.entropy_ms = watch.milliseconds();
 }
 
+// Returns the pixels that the corners were found on.
+cv::Mat Extractor::find_corners(int level, int wanted) {
+  cv::Mat image = find_corners(level, stats_.threshold, options_.fast.low_threshold);
+  const double filling = options_.entropy.threshold_to_fill();
+  if (static_cast<int>(corners_.size()) < wanted && filling > 0)
+    image = find_corners(level, std::max(stats_.threshold, filling), options_.fast.fill_threshold);
+  stats_.corners += static_cast<int>(corners_.size());
+  stats_.blocks_sharpened += static_cast<int>(
+      std::count(sharpened_blocks_.begin(), sharpened_blocks_.end(), std::uint8_t{1}));
+  return image;
+}
+
+cv::Mat Extractor::find_corners(int level, double least_entropy, int low_threshold) {
+  const cv::Mat image = sharpen_blocks(level, least_entropy);
+  const Stopwatch watch;
+  fast_.detect(image, kPatchBorder, low_threshold, corners_);
+  stats_.fast_ms += watch.milliseconds();
+  return image;
+}
+
 // The level with its weak blocks sharpened: the level itself when there is none.
-cv::Mat Extractor::sharpen_blocks(int level) {
+cv::Mat Extractor::sharpen_blocks(int level, double least_entropy) {
   const cv::Mat& plain = pyramid_[level];
   if (options_.entropy.mode == EntropyMode::kOff) return plain;
   const Stopwatch watch;
   const BlockGrid grid(plain.size(), options_.entropy.block);
-  sharpened_blocks_.assign(static_cast<std::size_t>(grid.size()), 0);
+  const std::vector<float>& entropies = entropies_[static_cast<std::size_t>(level)];
+  sharpened_blocks_.assign(entropies.size(), 0);
   cv::Mat image = plain;
   for (int i = 0; i < grid.size(); ++i) {
-    if (entropies_[next_entropy_++] >= stats_.threshold) continue;
-    sharpened_blocks_[static_cast<std::size_t>(i)] = 1;
+    const auto block = static_cast<std::size_t>(i);
+    if (entropies[block] >= least_entropy) continue;
+    sharpened_blocks_[block] = 1;
     if (image.data == plain.data) {
       image = sharpened_(cv::Rect({}, plain.size()));
       plain.copyTo(image);
     }
     sharpen(plain, grid.area(i), image, *kernels_);
-    ++stats_.blocks_sharpened;
   }
   stats_.sharpen_ms += watch.milliseconds();
   return image;
-}
-
-void Extractor::find_corners(const cv::Mat& image) {
-  const Stopwatch watch;
-  fast_.detect(image, kPatchBorder, low_threshold_, corners_);
-  stats_.corners += static_cast<int>(corners_.size());
-  stats_.fast_ms += watch.milliseconds();
 }
 
 void Extractor::choose_corners(int level, int wanted) {

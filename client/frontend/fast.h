@@ -19,9 +19,9 @@ namespace cairn {
 struct FastOptions {
   int high_threshold = 20;  // grey levels that the contrast must exceed
   int low_threshold = 7;    // used in cells where the high one finds nothing; 0: never
-  // The low one in images most of whose blocks are sharpened: little stands out there, and without
-  // these corners too few are found again in the next image.
-  int flat_threshold = 4;
+  // The low one where the other leaves too few: where little stands out, too little is found again
+  // in the next image without these corners.
+  int fill_threshold = 4;
   // Corners below it are faint: at equal entropy of their surroundings they find their partner in
   // another view a third to a half as often as those above high_threshold.
   int faint_threshold = 10;

@@ -100,9 +100,9 @@ TEST(EntropyThreshold, StaysAtTheFirstPassWhenCalibrated) {
   EXPECT_DOUBLE_EQ(threshold.next(1), 2.8);
 }
 
-TEST(EntropyThreshold, HasABoundForFlatImagesOnlyWhereTheSceneSetsIt) {
+TEST(EntropyThreshold, FillsLevelsUpOnlyWhereTheSceneSetsIt) {
   const auto bound = [](EntropyMode mode) {
-    return EntropyOptions{.mode = mode, .min_threshold = 3}.least_in_flat_images();
+    return EntropyOptions{.mode = mode, .min_threshold = 3}.threshold_to_fill();
   };
   EXPECT_EQ(bound(EntropyMode::kOnline), 3);
   EXPECT_EQ(bound(EntropyMode::kCalibrated), 3);
