@@ -1,8 +1,18 @@
 #include "client/tracking/refine.h"
 
+#include <algorithm>
+
+#include "client/tracking/noise_level.h"
 #include "client/tracking/pose_solver.h"
 
 namespace cairn {
+namespace {
+
+// A view so many times less precise than those before it, by a blow to the camera perhaps, has an
+// outlier bound of its own.
+constexpr double kSuddenly = 2;
+
+}  // namespace
 
 int refine_pose(TrackedFrame& frame) {
   std::vector<PoseObservation> observations;
@@ -18,9 +28,8 @@ int refine_pose(TrackedFrame& frame) {
     return solve_pose(frame.rig->camera, frame.map_from_camera, observations, slack);
   };
   PoseSolution solution = solve(frame.slack);
-  // Where few fit, the view is worse than those before it, by a blow to the camera perhaps.
-  if (frame.slack < 1 && 2 * static_cast<std::size_t>(solution.inliers) < observations.size())
-    solution = solve(1);
+  const double own = slack_of(solution.median_squared);
+  if (frame.slack < 1 && own > kSuddenly * frame.slack) solution = solve(std::min(own, 1.0));
   frame.map_from_camera = solution.map_from_camera;
   if (solution.inliers > 0) frame.median_squared = solution.median_squared;
   int landmarks = 0;

@@ -6,9 +6,9 @@
 
 namespace cairn {
 
-// Sets frame.map_from_camera and unmatches outliers: what lies beyond frame.slack, or beyond the
-// usual bound where less than half of the matches are within the slack. Returns how many landmarks
-// (passing points not counted) remain.
+// Sets frame.map_from_camera and unmatches outliers: what lies beyond frame.slack, or, in a view
+// much less precise than that, beyond what its own precision allows, at most the usual bound.
+// Returns how many landmarks (passing points not counted) remain.
 int refine_pose(TrackedFrame& frame);
 
 }  // namespace cairn

@@ -9,6 +9,7 @@
 
 #include "common/model/keyframe.h"
 #include "common/model/map_update.h"
+#include "common/model/measurement_noise.h"
 #include "common/model/relocalise.h"
 
 namespace cairn::testing {
@@ -45,7 +46,7 @@ inline Keyframe sample_keyframe(KeyframeId id, std::size_t features = 50, std::u
     k.reference_from_camera = sample_pose(random);
     k.reference_from_camera.scale = 1.5;
   }
-  k.noise = 0.7f + 3.3f * unit(random);
+  k.noise = kMinNoise + (kMaxNoise - kMinNoise) * unit(random);
   for (std::size_t i = 0; i < features; ++i) {
     k.features.points.push_back({.x = unit(random) * 700 - 30,
                                  .y = unit(random) * 520 - 20,

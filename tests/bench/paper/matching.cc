@@ -138,8 +138,9 @@ cv::Mat draw_method(const ViewSet& set, std::size_t pair, const Method& method) 
 
 std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on) {
   ExtractorOptions unsharpened = on;
-  unsharpened.entropy.mode = EntropyMode::kFixed;
-  unsharpened.entropy.fixed_threshold = 0;
+  unsharpened.entropy.delta = -100;  // no block lies below E0
+  unsharpened.entropy.min_threshold =
+      1e-9;  // fainter corners where they lack, but nothing sharpened
   return {{"ORB", off},
           {"ORB + entropy", on, true},
           {"ORB, best corners first", unsharpened},

@@ -27,6 +27,16 @@ TEST(NoiseLevel, IsHardlyMovedByOneBlurredFrame) {
   EXPECT_LT(level.slack(), 1.15 * before);
 }
 
+// A view that is off by twenty times the usual says nothing about the next one.
+TEST(NoiseLevel, IsNotCarriedAwayByOneGrosslyBadFrame) {
+  NoiseLevel level;
+  for (int i = 0; i < 100; ++i) level.add(0.08);
+  level.add(10);
+  EXPECT_LT(level.slack(), 0.9);
+  for (int i = 0; i < 10; ++i) level.add(0.08);
+  EXPECT_LT(level.slack(), 0.6);
+}
+
 TEST(NoiseLevel, StaysInBounds) {
   EXPECT_DOUBLE_EQ(slack_after(0, 1000), 0.4);
   EXPECT_DOUBLE_EQ(slack_after(100, 1000), 1.2);

@@ -61,6 +61,29 @@ TEST(Tracker, KeepsItsLandmarksInASuddenlyBlurredView) {
   EXPECT_GT(blurred.landmarks, 0.6 * landmarks);
 }
 
+// Neither sharp nor blurred: more than half of it would fit the bound of the sharp ones.
+TEST(Tracker, KeepsItsLandmarksInAViewThatIsSomewhatWorse) {
+  Walk run;
+  run.tracker.set_has_server(false);
+  int landmarks = 0;
+  for (int i = 0; i < 60; ++i) landmarks = run.step(wander(i / 30.0), 0.15).landmarks;
+  EXPECT_GT(run.step(wander(2), 1.0).landmarks, 0.8 * landmarks);
+}
+
+// Who comes back, to what others have mapped perhaps, is not held against its former precision.
+TEST(Tracker, FindsItselfAgainInWorseViewsThanItHadBefore) {
+  Walk run;
+  run.tracker.set_has_server(false);
+  int landmarks = 0;
+  for (int i = 0; i < 60; ++i) landmarks = run.step(wander(i / 30.0), 0.15).landmarks;
+  run.blind();
+  TrackingResult back;
+  for (int i = 0; i < 5 && back.state != TrackingState::kTracking; ++i)
+    back = run.step(wander(1.9), 0.8);
+  ASSERT_EQ(back.state, TrackingState::kTracking);
+  EXPECT_GT(back.landmarks, 0.7 * landmarks);
+}
+
 TEST(Tracker, KeepsOnePoseAKeyframeWhereNobodyAsksForMore) {
   TrackerOptions options;
   options.keep_every_pose = false;
@@ -443,6 +466,7 @@ TEST(Tracker, StartsANewPartOfTheMapWhereNobodyFindsIt) {
   EXPECT_LE(lost, 60) << "and two at most";
   ASSERT_TRUE(r.keyframe);
   EXPECT_FALSE(r.keyframe->reference.is_valid()) << "nothing connects it with what was before";
+  EXPECT_EQ(r.keyframe->noise, 1) << "nothing has been measured here";
   for (const LandmarkMatch& m : r.keyframe->matches)
     EXPECT_EQ(m.landmark.creator(), r.keyframe->id);
   // Odometry is all that the server has to place it by: it goes on as if the camera had not moved.

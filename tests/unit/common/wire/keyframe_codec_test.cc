@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <functional>
 #include <limits>
 
@@ -123,6 +124,8 @@ TEST(KeyframeCodec, RefusesToEncodeWhatIsNotSound) {
       [](Keyframe& k) { k.reference_from_camera.translation.y() = HUGE_VAL; },
       [](Keyframe& k) { k.reference = k.id; },
       [](Keyframe& k) { k.noise = 0; },
+      [](Keyframe& k) { k.noise = std::nextafter(kMinNoise, 0.0f); },
+      [](Keyframe& k) { k.noise = std::nextafter(kMaxNoise, 10.0f); },
       [](Keyframe& k) { k.noise = static_cast<float>(kNan); },
       [](Keyframe& k) { k.features.points[3].octave = 8; },
       [](Keyframe& k) { k.features.descriptors.pop_back(); },
