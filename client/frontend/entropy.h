@@ -61,7 +61,7 @@ struct EntropyOptions {
   // calibrated, bits. Eq. 12 sets E0 relative to the scene: where all of it is weak, hardly any
   // block lies below, although little can be tracked there without sharpening. On other levels the
   // bound does harm: faint corners of flat walls are matched worse and located worse than others.
-  // 0: eq. 12 as it stands.
+  // 0: eq. 12 as it stands, and no search for fainter corners (FastOptions::fill_threshold) either.
   double min_threshold = 3;
 
   // Of levels that lack corners; 0: nothing more is done for them.

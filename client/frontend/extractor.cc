@@ -86,7 +86,8 @@ cv::Mat Extractor::find_corners(int level, int wanted) {
   cv::Mat image = find_corners(level, stats_.threshold, options_.fast.low_threshold);
   const double filling = options_.entropy.threshold_to_fill();
   if (static_cast<int>(corners_.size()) < wanted && filling > 0)
-    image = find_corners(level, std::max(stats_.threshold, filling), options_.fast.fill_threshold);
+    image = find_corners(level, std::max(stats_.threshold, filling),
+                         std::min(options_.fast.low_threshold, options_.fast.fill_threshold));
   stats_.corners += static_cast<int>(corners_.size());
   stats_.blocks_sharpened += static_cast<int>(
       std::count(sharpened_blocks_.begin(), sharpened_blocks_.end(), std::uint8_t{1}));

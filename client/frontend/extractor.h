@@ -5,9 +5,10 @@
 //
 // Three things are done otherwise than in the paper, all because they raise the matches (figures in
 // tests/bench/RESULTS.md); as_in_paper() gives the paper's own way:
-// - A level on which too few corners are found is searched once more, with more of its blocks
-//   sharpened and for fainter corners: what E0, relative to the scene, leaves out where all of it
-//   is weak. Done everywhere, that would cost time and harm.
+// - A level with fewer corners than it and the finer ones need is searched once more, with more of
+//   its blocks sharpened and for fainter corners everywhere; then chosen from anew. That is what
+//   E0, relative to the scene, leaves out where all of it is weak. Done always, it costs time and
+//   harms.
 // - Corners in sharpened blocks only fill up what corners elsewhere leave free. Found among noise,
 //   they are matched a tenth as often; as equals they would displace good ones, because the
 //   quadtree spreads features evenly. On levels where strong corners alone suffice, faint ones are

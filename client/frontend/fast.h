@@ -19,8 +19,8 @@ namespace cairn {
 struct FastOptions {
   int high_threshold = 20;  // grey levels that the contrast must exceed
   int low_threshold = 7;    // used in cells where the high one finds nothing; 0: never
-  // The low one where the other leaves too few: where little stands out, too little is found again
-  // in the next image without these corners.
+  // The low one on levels where the other leaves too few (EntropyOptions::min_threshold): where
+  // little stands out, too little is found again in the next image without these corners.
   int fill_threshold = 4;
   // Corners below it are faint: at equal entropy of their surroundings they find their partner in
   // another view a third to a half as often as those above high_threshold.

@@ -32,7 +32,7 @@ class NoiseLevel {
   static constexpr double kNewShare = 0.1;  // of the next frame: ten frames, a third of a second
   static constexpr double kLeastSlack = 0.4, kMostSlack = 1.2;
 
-  double mean_ = 1;  // running
+  double mean_ = 1;  // running, in usual standard deviations
 };
 
 }  // namespace cairn

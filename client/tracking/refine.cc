@@ -1,16 +1,12 @@
 #include "client/tracking/refine.h"
 
-#include <algorithm>
-
 #include "client/tracking/noise_level.h"
 #include "client/tracking/pose_solver.h"
 
 namespace cairn {
 namespace {
 
-// A view so many times less precise than those before it, by a blow to the camera perhaps, has an
-// outlier bound of its own.
-constexpr double kSuddenly = 2;
+constexpr double kSuddenly = 2;  // times less precise than the bound of this camera's views fits
 
 }  // namespace
 
@@ -28,8 +24,10 @@ int refine_pose(TrackedFrame& frame) {
     return solve_pose(frame.rig->camera, frame.map_from_camera, observations, slack);
   };
   PoseSolution solution = solve(frame.slack);
-  const double own = slack_of(solution.median_squared);
-  if (frame.slack < 1 && own > kSuddenly * frame.slack) solution = solve(std::min(own, 1.0));
+  // Far worse than the views before it, by a blow to the camera perhaps.
+  const bool is_worse = 2 * static_cast<std::size_t>(solution.inliers) < observations.size() ||
+                        slack_of(solution.median_squared) > kSuddenly * frame.slack;
+  if (frame.slack < 1 && is_worse) solution = solve(1);
   frame.map_from_camera = solution.map_from_camera;
   if (solution.inliers > 0) frame.median_squared = solution.median_squared;
   int landmarks = 0;

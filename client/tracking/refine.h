@@ -7,8 +7,8 @@
 namespace cairn {
 
 // Sets frame.map_from_camera and unmatches outliers: what lies beyond frame.slack, or, in a view
-// much less precise than that, beyond what its own precision allows, at most the usual bound.
-// Returns how many landmarks (passing points not counted) remain.
+// far worse than that, beyond the usual bound. Returns how many landmarks (passing points not
+// counted) remain.
 int refine_pose(TrackedFrame& frame);
 
 }  // namespace cairn

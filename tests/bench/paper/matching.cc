@@ -138,9 +138,9 @@ cv::Mat draw_method(const ViewSet& set, std::size_t pair, const Method& method) 
 
 std::vector<Method> methods(const ExtractorOptions& off, const ExtractorOptions& on) {
   ExtractorOptions unsharpened = on;
-  unsharpened.entropy.delta = -100;  // no block lies below E0
-  unsharpened.entropy.min_threshold =
-      1e-9;  // fainter corners where they lack, but nothing sharpened
+  // No block lies below these, but fainter corners count as they do with sharpening.
+  unsharpened.entropy.delta = -100;
+  unsharpened.entropy.min_threshold = 1e-9;
   return {{"ORB", off},
           {"ORB + entropy", on, true},
           {"ORB, best corners first", unsharpened},

@@ -216,6 +216,21 @@ TEST(Extractor, LeavesLevelsWithEnoughCornersToEquation12) {
   EXPECT_TRUE(same(extract(image), extract(image, {.entropy = {.min_threshold = 0}})));
 }
 
+// A slope of so many shades that nothing is sharpened, with spots of five grey levels.
+TEST(Extractor, TakesFainterCornersOnLevelsThatLackThem) {
+  cv::Mat image(480, 640, CV_8UC1);
+  for (int y = 0; y < 480; ++y)
+    for (int x = 0; x < 640; ++x)
+      image.at<uchar>(y, x) =
+          static_cast<uchar>(x / 4 + y / 8 + (x % 40 < 4 && y % 40 < 4 ? 5 : 0));
+  Extractor extractor({});
+  Features features;
+  extractor.extract(image, features);
+  EXPECT_EQ(extract(image, {.entropy = {.min_threshold = 0}}).size(), 0u);
+  EXPECT_GT(features.size(), 100u);
+  EXPECT_EQ(extractor.stats().blocks_sharpened, 0);
+}
+
 // Tiles of four shades of grey, 2 bits a block, which is more than E0, and next to no corners for
 // FAST; at the left something that every level finds corners in.
 TEST(Extractor, SharpensMoreOfLevelsThatLackCorners) {

@@ -27,7 +27,7 @@ TEST(NoiseLevel, IsHardlyMovedByOneBlurredFrame) {
   EXPECT_LT(level.slack(), 1.15 * before);
 }
 
-// A view that is off by twenty times the usual says nothing about the next one.
+// A view that is off by eleven times as much as those before it says little about the next one.
 TEST(NoiseLevel, IsNotCarriedAwayByOneGrosslyBadFrame) {
   NoiseLevel level;
   for (int i = 0; i < 100; ++i) level.add(0.08);

@@ -15,6 +15,7 @@ TEST(TrackedFrame, ForgetsWithItsMatchesHowFarTheyWereOff) {
   frame.matches[1] = {true, LandmarkId::from_feature({7, 1}, 1), {0, 0, 2}};
   frame.median_squared = 4;
   EXPECT_GT(frame.noise(), 1);
+  EXPECT_EQ(frame.landmarks().size(), 1u);
   frame.clear_matches();
   EXPECT_EQ(frame.noise(), 1);
   EXPECT_TRUE(frame.landmarks().empty());
