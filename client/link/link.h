@@ -33,7 +33,7 @@ struct LinkOptions {
   bool no_server = false;           // only fill the outbox; DDS is never started
   // The server answers a keyframe only after all that follows from it (loops, global adjustment).
   bool lockstep = false;
-  std::string dds_config;           // XML instead of what CYCLONEDDS_URI names
+  std::string dds_config;  // XML instead of what CYCLONEDDS_URI names
 };
 
 struct LinkStats {
@@ -86,8 +86,8 @@ class Link {
   // for, without a server, or once status() is not ok.
   bool wait_delivered(std::chrono::nanoseconds timeout, std::stop_token stop = {});
 
-  // Tells the server that no keyframe will follow, so that it makes the last corrections; the update
-  // with MapUpdate::settled says that they are in.
+  // Tells the server that no keyframe will follow, so that it makes the last corrections; the
+  // update with MapUpdate::settled says that they are in.
   void say_finishing();
 
   // Writes what is left to the outbox, says goodbye, ends the threads; within about 2 s, or 5 s

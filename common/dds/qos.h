@@ -20,8 +20,8 @@ enum class Quality : std::uint8_t {
   // blocks, so that a client that hangs cannot hold up the server; it sees the gap by the
   // revisions.
   kHistory,
-  // Reliable, the latest of each instance and only to who is there: what is not yet sent when a newer
-  // one is written is never sent. Never blocks.
+  // Reliable, the latest of each instance and only to who is there: what is not yet sent when a
+  // newer one is written never is. Never blocks.
   kLatest,
 };
 

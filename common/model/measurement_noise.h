@@ -1,5 +1,5 @@
-// How far a feature's measurement may lie from where its landmark projects: the noise that tracking,
-// mapping and optimisation weigh residuals with. Searches have bounds of their own.
+// How far a feature's measurement may lie from where its landmark projects: the noise that
+// tracking, mapping and optimisation weigh residuals with. Searches have bounds of their own.
 #pragma once
 
 #include <algorithm>

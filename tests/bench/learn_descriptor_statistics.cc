@@ -1,10 +1,11 @@
-// Learns what is known of a descriptor's bits, from the descriptors of photographs, and prints common/wire/descriptor_statistics.cc.
+// Learns what is known of a descriptor's bits, from the descriptors of photographs, and prints
+// common/wire/descriptor_statistics.cc.
 //
 //   cairn_learn_descriptor_statistics DIR_WITH_PHOTOS > common/wire/descriptor_statistics.cc
 //
-// Each bit is packed knowing the two earlier ones that leave least to say about it. Next comes always
-// the bit about which one of those before leaves least to say: that is its first (Prim's algorithm,
-// as for the dependence trees of Chow and Liu 1968, "Approximating discrete probability
+// Each bit is packed knowing the two earlier ones that leave least to say about it. Next comes
+// always the bit about which one of those before leaves least to say: that is its first (Prim's
+// algorithm, as for the dependence trees of Chow and Liu 1968, "Approximating discrete probability
 // distributions with dependence trees"). The second is the one that adds most.
 #include <algorithm>
 #include <array>
@@ -112,9 +113,8 @@ std::vector<Entry> learn(const Columns& columns) {
   };
   consider(0);
   while (!rest.empty()) {
-    const auto best = std::min_element(rest.begin(), rest.end(), [&](auto a, auto b) {
-      return left_over[a] < left_over[b];
-    });
+    const auto best = std::min_element(rest.begin(), rest.end(),
+                                       [&](auto a, auto b) { return left_over[a] < left_over[b]; });
     Entry entry{*best, first[*best], first[*best]};
     rest.erase(best);
     double least = left_over[entry.bit];
