@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <functional>
 #include <thread>
 
 #include "client/link/link.h"
@@ -86,11 +87,18 @@ class PipelineTest : public ::testing::Test {
       if (update->mapped_keyframes >= count) return true;
     return false;
   }
-  // Nothing tells the end of a desk: looks again and again, for some seconds.
-  static bool wait_desks(const Pipeline& pipeline, std::size_t count) {
-    for (int i = 0; i < 500 && pipeline.state().desks != count; ++i)
+  // Nothing tells the end of a desk: looks again and again, for some seconds. Each state is looked
+  // at once: the next may be another.
+  static bool wait_state(const Pipeline& pipeline,
+                         const std::function<bool(const ServerState&)>& is_reached) {
+    for (int i = 0; i < 1000; ++i) {
+      if (is_reached(pipeline.state())) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    return pipeline.state().desks == count;
+    }
+    return false;
+  }
+  static bool wait_desks(const Pipeline& pipeline, std::size_t count) {
+    return wait_state(pipeline, [&](const ServerState& state) { return state.desks == count; });
   }
 
   testing::Loopback net_;
@@ -182,6 +190,7 @@ TEST_F(PipelineTest, WhatIsKeptForAClientGoesWithIt) {
   leave_file(world, 1);
   const auto pipeline = start();
   ASSERT_TRUE(pipeline);
+  EXPECT_TRUE(wait_state(*pipeline, [](const ServerState& state) { return state.mapped == 3; }));
   EXPECT_TRUE(wait_desks(*pipeline, 0)) << "of a run that is not there";
   const auto link = connect({"walker", 8});
   ASSERT_TRUE(link->wait_update(std::chrono::seconds(5)));
