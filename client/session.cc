@@ -293,6 +293,8 @@ Status Session::finish() {
   report_.keyframes = tracker_->keyframes_made();
   if (!options_.no_server) {
     const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
+    if (tracker_->unmapped() > 0)
+      log::info("the frames are at an end; {} keyframes await the server", tracker_->unmapped());
     if (Status s = wait_for_mapping(0, deadline, false); !s) log::warn("{}", s.message());
     wait_for_delivery(deadline);
     wait_for_last_corrections(deadline);

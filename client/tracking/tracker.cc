@@ -187,6 +187,8 @@ bool Tracker::start(TrackedFrame& frame, TrackingResult& result) {
   has_motion_ = false;
   state_ = TrackingState::kTracking;
   result.keyframe = make_keyframe(frame);
+  log::info("map started at {:.3f} s by {} features with depth", to_seconds(frame.stamp_ns),
+            features_with_depth(frame));
   return true;
 }
 

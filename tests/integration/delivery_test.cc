@@ -128,7 +128,7 @@ TEST(Delivery, ALockstepRunWhoseServerDiesWritesWhatItTracked) {
   const auto client = deployment.client(
       "walker", "synth:hall?frames=3000",
       {"--lockstep", "--timeout", std::to_string(2 * kTimeScale), "--trajectory", trajectory});
-  ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
   server->signal(SIGKILL);
   ASSERT_EQ(client->wait(seconds(30)), 1) << client->err();

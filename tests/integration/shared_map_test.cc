@@ -125,7 +125,8 @@ TEST(SharedMap, WithAClientThatLeftWithoutGoodbye) {
   if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   SharedMap shared;
   const auto gone = shared.deployment.client("gone", "synth:desk?frames=3000&path=0");
-  ASSERT_TRUE(gone->runs_for(seconds(6))) << gone->err();
+  ASSERT_TRUE(gone->wait_for_log("map started", seconds(20))) << gone->err();
+  ASSERT_TRUE(gone->runs_for(seconds(5))) << gone->err();
   gone->signal(SIGKILL);
   ASSERT_EQ(gone->wait(seconds(10)), 128 + SIGKILL);
   shared.add("stays", {.scene = "desk", .path = 0, .frames = 120});

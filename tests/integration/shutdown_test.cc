@@ -91,7 +91,8 @@ TEST(Shutdown, AnInterruptedClientDoesNotWaitForAServerThatIsNotThere) {
   const std::string file = deployment.file("out.tum").string();
   const auto client = deployment.client("walker", "synth:desk?frames=3000",
                                         {"--trajectory", file, "--timeout", "600"});
-  ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
+  ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
+  ASSERT_TRUE(client->runs_for(some_moment() * kTimeScale)) << client->err();
   client->signal(SIGINT);
   ASSERT_EQ(client->wait(seconds(8)), 3) << client->err();
   const Result<Trajectory> trajectory = read_trajectory(file);
@@ -104,7 +105,7 @@ TEST(Shutdown, AClientThatWaitsForDeliveryCanBeInterrupted) {
   Deployment deployment;
   const auto client =
       deployment.client("walker", "synth:desk?frames=4", {"--max-rate", "--timeout", "600"});
-  ASSERT_TRUE(client->runs_for(seconds(3) * kTimeScale)) << client->err();
+  ASSERT_TRUE(client->wait_for_log("keyframes await the server", seconds(20))) << client->err();
   client->signal(SIGINT);
   ASSERT_EQ(client->wait(seconds(8)), 3) << client->err();
   EXPECT_EQ(client->reported("frames"), 4);
@@ -133,6 +134,7 @@ TEST(Shutdown, AClientThatWaitsForAFrameFarAwayCanBeInterrupted) {
   const auto client = deployment.client("walker", "tum:" + deployment.file("rec").string(),
                                         {"--no-server", "--trajectory", file},
                                         deployment.file("rec/client.yaml").string());
+  ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
   client->signal(SIGINT);
   ASSERT_EQ(client->wait(seconds(5)), 3) << client->err();
