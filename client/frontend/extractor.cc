@@ -47,17 +47,15 @@ void Extractor::extract(const cv::Mat& gray, Features& out) {
   stats_.pyramid_ms = total.milliseconds();
   sharpened_.create(gray.size(), CV_8UC1);
   smoothed_.create(gray.size(), CV_8UC1);
+  occupied_.create(gray.size(), CV_8UC1);
   measure_entropy();
   double due = 0;
-  int taken = 0;
   for (int level = 0; level < pyramid_.levels(); ++level) {
     // What one level cannot fill of its share the coarser ones may use.
     due += options_.features * share(options_.pyramid, level);
-    const int wanted = static_cast<int>(std::lround(due)) - taken;
-    const cv::Mat image = find_corners(level, wanted);
-    choose_corners(level, wanted);
-    taken += static_cast<int>(chosen_.size());
-    emit(level, image, out);
+    const std::size_t first = out.size();
+    const int wanted = static_cast<int>(std::lround(due)) - static_cast<int>(first);
+    describe(level, find_features(level, wanted, out), first, out);
   }
   stats_.total_ms = total.milliseconds();
 }
@@ -81,25 +79,53 @@ void Extractor::measure_entropy() {
   stats_.entropy_ms = watch.milliseconds();
 }
 
-// Returns the pixels that the corners were found on.
-cv::Mat Extractor::find_corners(int level, int wanted) {
-  cv::Mat image = find_corners(level, stats_.threshold, options_.fast.low_threshold);
+// Appends their positions. Returns the level, sharpened as for the search that came last.
+cv::Mat Extractor::find_features(int level, int wanted, Features& out) {
+  found_.clear();
+  cv::Mat image = add_features(level, stats_.threshold, options_.fast.low_threshold, wanted, out);
+  const int lacking = wanted - static_cast<int>(found_.size());
   const double filling = options_.entropy.threshold_to_fill();
-  if (static_cast<int>(corners_.size()) < wanted && filling > 0)
-    image = find_corners(level, std::max(stats_.threshold, filling),
-                         std::min(options_.fast.low_threshold, options_.fast.fill_threshold));
-  stats_.corners += static_cast<int>(corners_.size());
+  if (lacking > 0 && filling > 0)
+    image = add_features(level, std::max(stats_.threshold, filling),
+                         std::min(options_.fast.low_threshold, options_.fast.fill_threshold),
+                         lacking, out);
   stats_.blocks_sharpened += static_cast<int>(
       std::count(sharpened_blocks_.begin(), sharpened_blocks_.end(), std::uint8_t{1}));
   return image;
 }
 
-cv::Mat Extractor::find_corners(int level, double least_entropy, int low_threshold) {
+// Of what the level shows anew when blocks below that entropy are sharpened.
+cv::Mat Extractor::add_features(int level, double least_entropy, int low_threshold, int wanted,
+                                Features& out) {
   const cv::Mat image = sharpen_blocks(level, least_entropy);
-  const Stopwatch watch;
+  const Stopwatch searching;
   fast_.detect(image, kPatchBorder, low_threshold, corners_);
-  stats_.fast_ms += watch.milliseconds();
+  stats_.fast_ms += searching.milliseconds();
+  const Stopwatch choosing;
+  leave_out_found(image.size());
+  stats_.corners += static_cast<int>(corners_.size());
+  choose_corners(level, wanted);
+  stats_.quadtree_ms += choosing.milliseconds();
+
+  const Stopwatch placing;
+  for (const Corner& c : chosen_) {
+    const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y, *kernels_));
+    out.points.push_back({.x = full.x, .y = full.y, .octave = static_cast<std::uint8_t>(level)});
+  }
+  stats_.orient_ms += placing.milliseconds();
+  found_.insert(found_.end(), chosen_.begin(), chosen_.end());
   return image;
+}
+
+// Corners whose circles show the same: a few pixels aside where the block has been sharpened since.
+void Extractor::leave_out_found(const cv::Size& size) {
+  if (found_.empty()) return;
+  cv::Mat occupied = occupied_(cv::Rect({}, size));
+  occupied.setTo(0);
+  constexpr int kRadius = 3;  // of FAST's circle, pixels
+  for (const Corner& c : found_)
+    occupied(cv::Rect(c.x - kRadius, c.y - kRadius, 2 * kRadius + 1, 2 * kRadius + 1)).setTo(1);
+  std::erase_if(corners_, [&](const Corner& c) { return occupied.at<std::uint8_t>(c.y, c.x); });
 }
 
 // The level with its weak blocks sharpened: the level itself when there is none.
@@ -126,7 +152,6 @@ cv::Mat Extractor::sharpen_blocks(int level, double least_entropy) {
 }
 
 void Extractor::choose_corners(int level, int wanted) {
-  const Stopwatch watch;
   const cv::Size size = pyramid_[level].size();
   const cv::Rect area(kPatchBorder, kPatchBorder, size.width - 2 * kPatchBorder,
                       size.height - 2 * kPatchBorder);
@@ -134,7 +159,6 @@ void Extractor::choose_corners(int level, int wanted) {
     choose_best_first(level, area, wanted);
   else
     quadtree_.choose(corners_, area, wanted, chosen_);
-  stats_.quadtree_ms += watch.milliseconds();
 }
 
 void Extractor::choose_best_first(int level, const cv::Rect& area, int wanted) {
@@ -156,18 +180,13 @@ void Extractor::choose_best_first(int level, const cv::Rect& area, int wanted) {
   chosen_.insert(chosen_.end(), more_.begin(), more_.end());
 }
 
-void Extractor::emit(int level, const cv::Mat& image, Features& out) {
-  if (chosen_.empty()) return;
+// The features from `first` on, which are those of the level.
+void Extractor::describe(int level, const cv::Mat& image, std::size_t first, Features& out) {
+  if (found_.empty()) return;
   const cv::Mat& described = options_.describe_sharpened ? image : pyramid_[level];
-  const std::size_t first = out.size();
   const Stopwatch orienting;
-  for (const Corner& c : chosen_) {
-    const cv::Point2f full = pyramid_.to_full(level, subpixel_corner(image, c.x, c.y, *kernels_));
-    out.points.push_back({.x = full.x,
-                          .y = full.y,
-                          .angle = orientation(described, c.x, c.y, *kernels_),
-                          .octave = static_cast<std::uint8_t>(level)});
-  }
+  for (std::size_t i = 0; i < found_.size(); ++i)
+    out.points[first + i].angle = orientation(described, found_[i].x, found_[i].y, *kernels_);
   stats_.orient_ms += orienting.milliseconds();
 
   const Stopwatch smoothing;
@@ -176,9 +195,9 @@ void Extractor::emit(int level, const cv::Mat& image, Features& out) {
   stats_.smooth_ms += smoothing.milliseconds();
 
   const Stopwatch describing;
-  for (std::size_t i = 0; i < chosen_.size(); ++i)
+  for (std::size_t i = 0; i < found_.size(); ++i)
     out.descriptors.push_back(
-        describer_.describe(smoothed, chosen_[i].x, chosen_[i].y, out.points[first + i].angle));
+        describer_.describe(smoothed, found_[i].x, found_[i].y, out.points[first + i].angle));
   stats_.describe_ms += describing.milliseconds();
 }
 

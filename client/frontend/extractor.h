@@ -6,9 +6,9 @@
 // Three things are done otherwise than in the paper, all because they raise the matches (figures in
 // tests/bench/RESULTS.md); as_in_paper() gives the paper's own way:
 // - A level with fewer corners than it and the finer ones need is searched once more, with more of
-//   its blocks sharpened and for fainter corners everywhere; then chosen from anew. That is what
-//   E0, relative to the scene, leaves out where all of it is weak. Done always, it costs time and
-//   harms.
+//   its blocks sharpened and for fainter corners everywhere, and filled up with what that shows.
+//   That is what E0, relative to the scene, leaves out where all of it is weak. Done always, it
+//   costs time and harms.
 // - Corners in sharpened blocks only fill up what corners elsewhere leave free. Found among noise,
 //   they are matched a tenth as often; as equals they would displace good ones, because the
 //   quadtree spreads features evenly. On levels where strong corners alone suffice, faint ones are
@@ -80,26 +80,31 @@ class Extractor {
 
  private:
   void measure_entropy();
-  cv::Mat find_corners(int level, int wanted);
-  cv::Mat find_corners(int level, double least_entropy, int low_threshold);
+  cv::Mat find_features(int level, int wanted, Features& out);
+  cv::Mat add_features(int level, double least_entropy, int low_threshold, int wanted,
+                       Features& out);
   cv::Mat sharpen_blocks(int level, double least_entropy);
+  void leave_out_found(const cv::Size& size);
   void choose_corners(int level, int wanted);
   void choose_best_first(int level, const cv::Rect& area, int wanted);
-  void emit(int level, const cv::Mat& image, Features& out);
+  void describe(int level, const cv::Mat& image, std::size_t first, Features& out);
 
   ExtractorOptions options_;
   const Kernels* kernels_;
   Pyramid pyramid_;
-  cv::Mat sharpened_, smoothed_;  // of the level at hand, in the size of the finest
+  // Of the level at hand, in the size of the finest; occupied: not 0 around what has been found.
+  cv::Mat sharpened_, smoothed_, occupied_;
   EntropyThreshold threshold_;
   FastDetector fast_;
   Quadtree quadtree_;
   Describer describer_;
   ExtractorStats stats_;
 
-  std::vector<std::vector<float>> entropies_;    // of each level's blocks
-  std::vector<std::uint8_t> sharpened_blocks_;   // of the level at hand: 1 for those sharpened
-  std::vector<Corner> corners_, chosen_, more_;  // of the level at hand
+  std::vector<std::vector<float>> entropies_;  // of each level's blocks
+  // Of the level at hand.
+  std::vector<std::uint8_t> sharpened_blocks_;   // 1 for those sharpened in the last search
+  std::vector<Corner> corners_, chosen_, more_;  // of the last search
+  std::vector<Corner> found_;                    // chosen in any search
   std::vector<std::uint16_t> blur_line_;
 };
 

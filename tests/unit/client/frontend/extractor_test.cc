@@ -250,6 +250,34 @@ TEST(Extractor, SharpensMoreOfLevelsThatLackCorners) {
   EXPECT_EQ(features_right_of(extract(image, fixed), 60), 0);
 }
 
+// The same tiles with bright spots here and there, which the first search finds.
+TEST(Extractor, FillsUpWithoutTouchingWhatItHasFound) {
+  std::mt19937 random(3);
+  cv::Mat tiles(24, 32, CV_8UC1), image;
+  for (uchar& tile : cv::Mat_<uchar>(tiles)) tile = static_cast<uchar>(100 + random() % 4);
+  cv::resize(tiles, image, {640, 480}, 0, 0, cv::INTER_NEAREST);
+  test::noise_image({48, 480}, 4).copyTo(image(cv::Rect(0, 0, 48, 480)));
+  for (int y = 36; y < 450; y += 47)
+    for (int x = 70; x < 600; x += 47) image(cv::Rect(x, y, 4, 4)) = 130 + x % 7;
+  const auto options = [](int features, double min_threshold) {
+    return ExtractorOptions{.features = features,
+                            .pyramid = {.levels = 1},
+                            .entropy = {.min_threshold = min_threshold}};
+  };
+  const Features first = extract(image, options(10000, 0));
+  const int wanted = static_cast<int>(first.size()) + 60;  // fewer than there is to be found
+  const Features filled = extract(image, options(wanted, 3));
+  ASSERT_GT(features_right_of(first, 60), 80);
+  EXPECT_EQ(std::ssize(filled.points), wanted);
+  EXPECT_GT(extract(image, options(10000, 3)).size(), first.size() + 120);
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    EXPECT_EQ(filled.points[i].pixel(), first.points[i].pixel());
+    EXPECT_EQ(filled.descriptors[i], first.descriptors[i]);
+    for (std::size_t j = first.size(); j < filled.size(); ++j)
+      EXPECT_GT((filled.points[j].pixel() - first.points[i].pixel()).norm(), 2) << "found twice";
+  }
+}
+
 TEST(Orientation, PointsToTheBrighterSide) {
   for (const double turn : {0.0, 0.7, 2.0, 3.5, 5.9}) {
     cv::Mat image(64, 64, CV_8UC1);
