@@ -293,8 +293,10 @@ Status Session::finish() {
   report_.keyframes = tracker_->keyframes_made();
   if (!options_.no_server) {
     const auto deadline = Clock::now() + std::chrono::duration_cast<nanoseconds>(options_.timeout);
-    if (tracker_->unmapped() > 0)
-      log::info("the frames are at an end; {} keyframes await the server", tracker_->unmapped());
+    if (!stop_.stop_requested() &&
+        (tracker_->unmapped() > 0 || link_->stats().keyframes_in_outbox > 0))
+      log::info("waiting for the server: keyframes not mapped: {}, not delivered: {}",
+                tracker_->unmapped(), link_->stats().keyframes_in_outbox);
     if (Status s = wait_for_mapping(0, deadline, false); !s) log::warn("{}", s.message());
     wait_for_delivery(deadline);
     wait_for_last_corrections(deadline);

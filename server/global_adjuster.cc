@@ -13,14 +13,13 @@ namespace cairn {
 namespace {
 
 constexpr int kMaxRestarts = 2;
-constexpr auto kPause = std::chrono::seconds(1), kLongestBurst = std::chrono::seconds(5);
 // It takes seconds, and mapping goes first (yield_to_others()); but clients that have come to their
 // end wait for it.
 constexpr int kGivesWay = 7;
 
 }  // namespace
 
-GlobalAdjuster::GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, Done done)
+GlobalAdjuster::GlobalAdjuster(MapWriter& writer, const GlobalAdjusterOptions& options, Done done)
     : writer_(writer), options_(options), done_(std::move(done)), thread_([this] {
         name_this_thread("global adjuster");
         yield_to_others(kGivesWay);
@@ -87,7 +86,7 @@ void GlobalAdjuster::wait_for_work(std::unique_lock<std::mutex>& lock) {
                        [](const Request& r) { return !r.after_loop; });
   };
   const auto burst_ends = [&] {
-    return std::min(last_loop_ + kPause, waiting_.front().asked + kLongestBurst);
+    return std::min(last_loop_ + options_.pause, waiting_.front().asked + options_.longest_burst);
   };
   while (!is_wanted_now() && Clock::now() < burst_ends()) changed_.wait_until(lock, burst_ends());
 }
@@ -120,7 +119,8 @@ bool GlobalAdjuster::adjust(const Request& request, std::stop_token stop) {
     const Snapshot map = writer_.snapshot();
     Stopwatch watch;
     GlobalBaSummary summary;
-    MapDelta delta = solve_global_ba(*map, map->present(request.part_of), options_, &summary, stop);
+    MapDelta delta =
+        solve_global_ba(*map, map->present(request.part_of), options_.ba, &summary, stop);
     release_free_memory();  // of the solver: hundreds of bytes an observation
     log::info(
         "global BA: {} keyframes, {} landmarks, cost {:.0f} -> {:.0f}, {} outliers, {:.0f} ms: {}",

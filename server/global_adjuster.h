@@ -17,6 +17,13 @@
 
 namespace cairn {
 
+struct GlobalAdjusterOptions {
+  GlobalBaOptions ba = {};
+  // Loops come in bursts, when clients meet: unless something else waits too, the adjustment begins
+  // when none has come for a while, or after the longest time for a burst.
+  std::chrono::milliseconds pause{1000}, longest_burst{5000};
+};
+
 class GlobalAdjuster {
  public:
   using Ticket = std::uint64_t;
@@ -24,7 +31,7 @@ class GlobalAdjuster {
   using Done = std::function<void(const std::vector<Ticket>&)>;
 
   // `writer` must outlive this.
-  GlobalAdjuster(MapWriter& writer, const GlobalBaOptions& options, Done done);
+  GlobalAdjuster(MapWriter& writer, const GlobalAdjusterOptions& options, Done done);
   ~GlobalAdjuster();
   GlobalAdjuster(const GlobalAdjuster&) = delete;
   GlobalAdjuster& operator=(const GlobalAdjuster&) = delete;
@@ -32,8 +39,7 @@ class GlobalAdjuster {
   // Adjusts the part of the map that holds this keyframe, as it is when its turn comes. Requests
   // for one part that wait together are one. With `after_loop` the adjustment under way starts
   // over, since a loop has made it void; but not for ever: after two restarts it runs to its end.
-  // Loops come in bursts, when clients meet: unless something else waits too, the adjustment begins
-  // once a second has passed without another one, or five in all.
+  // When: see GlobalAdjusterOptions.
   Ticket request(KeyframeId part_of, bool after_loop);
   // Until nothing is under way or asked for, or stop().
   void wait_idle();
@@ -60,7 +66,7 @@ class GlobalAdjuster {
   bool adjust(const Request& request, std::stop_token stop);
 
   MapWriter& writer_;
-  const GlobalBaOptions options_;
+  const GlobalAdjusterOptions options_;
   const Done done_;
 
   mutable std::mutex mutex_;

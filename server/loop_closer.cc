@@ -79,7 +79,8 @@ LoopCloser::LoopCloser(MapWriter& writer, std::shared_ptr<const Vocabulary> voca
       vocabulary_(std::move(vocabulary)),
       options_(options),
       hooks_(std::move(hooks)),
-      adjuster_(writer, options.global_ba, [this](const auto& tickets) { on_adjusted(tickets); }) {
+      adjuster_(writer, {.ba = options.global_ba},
+                [this](const auto& tickets) { on_adjusted(tickets); }) {
   for (const KeyframeId id : writer_.snapshot()->keyframes.sorted_keys())
     tasks_.push_back({Task::Kind::kIndex, id});
   thread_ = std::jthread([this] {

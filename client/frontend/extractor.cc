@@ -94,7 +94,7 @@ cv::Mat Extractor::find_features(int level, int wanted, Features& out) {
   return image;
 }
 
-// Of what the level shows anew when blocks below that entropy are sharpened.
+// What the level shows beside the features it has when blocks below that entropy are sharpened.
 cv::Mat Extractor::add_features(int level, double least_entropy, int low_threshold, int wanted,
                                 Features& out) {
   const cv::Mat image = sharpen_blocks(level, least_entropy);
@@ -117,7 +117,8 @@ cv::Mat Extractor::add_features(int level, double least_entropy, int low_thresho
   return image;
 }
 
-// Corners whose circles show the same: a few pixels aside where the block has been sharpened since.
+// Drops corners close to found ones: the same, moved a little where their block has been sharpened
+// since.
 void Extractor::leave_out_found(const cv::Size& size) {
   if (found_.empty()) return;
   cv::Mat occupied = occupied_(cv::Rect({}, size));

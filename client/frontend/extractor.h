@@ -9,7 +9,8 @@
 //   its blocks sharpened and for fainter corners everywhere, and filled up with what that shows.
 //   That is what E0, relative to the scene, leaves out where all of it is weak. Done always, it
 //   costs time and harms.
-// - Corners in sharpened blocks only fill up what corners elsewhere leave free. Found among noise,
+// - Corners in sharpened blocks only fill up what corners elsewhere leave free in a search. Found
+// among noise,
 //   they are matched a tenth as often; as equals they would displace good ones, because the
 //   quadtree spreads features evenly. On levels where strong corners alone suffice, faint ones are
 //   left out for the same reason.
@@ -52,11 +53,11 @@ struct ExtractorStats {
   double pyramid_ms = 0, entropy_ms = 0, sharpen_ms = 0, fast_ms = 0, quadtree_ms = 0;
   double orient_ms = 0 /* and sub-pixel position */, smooth_ms = 0, describe_ms = 0;
   double total_ms = 0;
-  int corners = 0;  // candidates, before the quadtree
+  int corners = 0;  // candidates of all searches, before the quadtree
   int blocks = 0;   // on all levels
   int blocks_sharpened = 0;
   double image_entropy = 0;  // mean over all blocks, bits
-  double threshold = 0;      // E0 of levels that need no filling up, bits
+  double threshold = 0;      // E0 of each level's first search, bits
 };
 
 // Used from one thread. The same images in the same order give the same features; with the entropy

@@ -91,6 +91,7 @@ TEST(Delivery, AServerThatComesBackWithoutItsMapLeavesTheTrajectoryInOneFrame) {
   if (kSlowBuild) arguments.push_back("--max-rate");
   const auto client = deployment.client("walker", "synth:hall?frames=240", arguments);
   ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(seconds(3))) << client->err();
   server->signal(SIGKILL);
   ASSERT_EQ(server->wait(seconds(10)), 128 + SIGKILL);
@@ -125,9 +126,11 @@ TEST(Delivery, ALockstepRunWhoseServerDiesWritesWhatItTracked) {
   const std::string map = deployment.file("map.db").string();
   const std::string trajectory = deployment.file("out.tum").string();
   auto server = deployment.server({"--map", map});
+  ASSERT_TRUE(server->wait_for_log("ready", seconds(30))) << server->err();
   const auto client = deployment.client(
       "walker", "synth:hall?frames=3000",
       {"--lockstep", "--timeout", std::to_string(2 * kTimeScale), "--trajectory", trajectory});
+  ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
   ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(seconds(2) * kTimeScale)) << client->err();
   server->signal(SIGKILL);

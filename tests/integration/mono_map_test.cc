@@ -60,6 +60,7 @@ TEST(MonoMap, IsInMetresWhereACameraWithDepthHasBeenBefore) {
   const auto depth =
       deployment.client("depth", spec(kDepth), {"--lockstep", "--trajectory", of_depth});
   ASSERT_TRUE(depth->wait_for_log("connected to the server", seconds(60))) << depth->err();
+  ASSERT_TRUE(depth->wait_for_log("map started", seconds(60))) << depth->err();
   const auto mono = deployment.client("mono", spec(kMono), {"--lockstep", "--trajectory", of_mono});
   EXPECT_EQ(depth->wait(seconds(120)), 0) << depth->err();
   EXPECT_EQ(mono->wait(seconds(120)), 0) << mono->err();

@@ -125,6 +125,7 @@ TEST(SharedMap, WithAClientThatLeftWithoutGoodbye) {
   if (kSlowBuild) GTEST_SKIP() << "too long under sanitizers; run it in another build";
   SharedMap shared;
   const auto gone = shared.deployment.client("gone", "synth:desk?frames=3000&path=0");
+  ASSERT_TRUE(gone->wait_for_log("connected to the server", seconds(20))) << gone->err();
   ASSERT_TRUE(gone->wait_for_log("map started", seconds(20))) << gone->err();
   ASSERT_TRUE(gone->runs_for(seconds(5))) << gone->err();
   gone->signal(SIGKILL);

@@ -49,13 +49,13 @@ TEST(Shutdown, AServerThatEndsUnderAFullStreamHasSavedWhatItAcknowledged) {
   Deployment deployment;
   const std::string map = deployment.file("map.db").string();
   const auto server = deployment.server({"--map", map});
-  const auto client =
-      deployment.client("walker", "synth:desk?frames=120", {"--max-rate", "--timeout", "1"});
+  const auto client = deployment.client("walker", "synth:desk?frames=400",
+                                        {"--max-rate", "--timeout", std::to_string(kTimeScale)});
   ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(some_moment() * kTimeScale)) << client->err();
   expect_ends_well(*server);
   ASSERT_EQ(client->wait(seconds(60)), 3) << client->err();
-  EXPECT_EQ(client->reported("tracked"), 120) << "tracking does not need the server";
+  EXPECT_EQ(client->reported("tracked"), 400) << "tracking does not need the server";
   const double made = client->reported("keyframes");
   EXPECT_GE(received(deployment, map), made - client->reported("undelivered"));
   double all = made;
@@ -71,6 +71,7 @@ TEST(Shutdown, AnInterruptedClientWritesItsTrajectoryAndLosesNothing) {
   const auto client =
       deployment.client("walker", "synth:desk?frames=3000", {"--max-rate", "--trajectory", file});
   ASSERT_TRUE(client->wait_for_log("connected to the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->wait_for_log("map started", seconds(20))) << client->err();
   ASSERT_TRUE(client->runs_for(some_moment() * kTimeScale)) << client->err();
   client->signal(SIGINT);
   const std::optional<int> code = client->wait(seconds(10));
@@ -105,7 +106,7 @@ TEST(Shutdown, AClientThatWaitsForDeliveryCanBeInterrupted) {
   Deployment deployment;
   const auto client =
       deployment.client("walker", "synth:desk?frames=4", {"--max-rate", "--timeout", "600"});
-  ASSERT_TRUE(client->wait_for_log("keyframes await the server", seconds(20))) << client->err();
+  ASSERT_TRUE(client->wait_for_log("waiting for the server", seconds(20))) << client->err();
   client->signal(SIGINT);
   ASSERT_EQ(client->wait(seconds(8)), 3) << client->err();
   EXPECT_EQ(client->reported("frames"), 4);

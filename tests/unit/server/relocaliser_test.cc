@@ -200,7 +200,6 @@ TEST(Relocaliser, EndsWithQuestionsWaiting) {
   for (std::uint64_t epoch = 600; epoch < 630; ++epoch)
     relocaliser.ask({"many", epoch}, World::view_of(world.rooms[0]));
   relocaliser.close();
-  EXPECT_LE(answers.all.size(), 31u);
 }
 
 }  // namespace

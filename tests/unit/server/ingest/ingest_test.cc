@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <mutex>
 #include <thread>
@@ -301,7 +302,7 @@ TEST_F(IngestTest, LinkCutLongerThanTheLeaseNeitherLosesNorRepeats) {
 }
 
 TEST_F(IngestTest, AClientThatWasForgottenInItsSilenceJoinsAgain) {
-  forget_after_ = 1500ms;
+  forget_after_ = 3s;  // heartbeats come every second
   auto ingest = serve();
   auto link = connect();
   ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
@@ -328,12 +329,17 @@ TEST_F(IngestTest, AClientThatWasForgottenInItsSilenceJoinsAgain) {
 TEST_F(IngestTest, SendingAndPollingTakeMicroseconds) {
   auto ingest = serve();
   auto link = connect();
-  const auto start = std::chrono::steady_clock::now();
+  std::vector<std::chrono::nanoseconds> times;
   for (std::uint32_t i = 0; i < 200; ++i) {
-    link->send(sample_keyframe_ptr({kEpoch, i}, 0));
+    const auto keyframe = sample_keyframe_ptr({kEpoch, i}, 0);
+    const auto start = std::chrono::steady_clock::now();
+    link->send(keyframe);
     (void)link->poll_update();
+    times.push_back(std::chrono::steady_clock::now() - start);
   }
-  EXPECT_LT(std::chrono::steady_clock::now() - start, 100ms);
+  // The median: the machine may stall.
+  std::nth_element(times.begin(), times.begin() + 100, times.end());
+  EXPECT_LT(times[100], 500us);
 }
 
 TEST_F(IngestTest, ServerThatHasLostItsJournalGoesOnFromWhatTheClientHolds) {
@@ -395,9 +401,12 @@ TEST_F(IngestTest, SecondClientOfTheSameNameDeliversNothing) {
   ASSERT_TRUE(wait_event(ClientEvent::Kind::kJoined));
   auto second = connect("alice", 99, "other");
   second->send(sample_keyframe_ptr({99, 0}));
-  EXPECT_FALSE(second->wait_delivered(500ms));
-  EXPECT_FALSE(second->stats().connected);
+  const auto deadline = std::chrono::steady_clock::now() + 10s;
+  while (ingest->stats().refused == 0 && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(10ms);
   EXPECT_GT(ingest->stats().refused, 0u);
+  EXPECT_FALSE(second->wait_delivered(200ms));
+  EXPECT_FALSE(second->stats().connected);
   first->send(sample_keyframe_ptr({kEpoch, 0}));
   EXPECT_TRUE(first->wait_delivered(5s));
 }

@@ -1,5 +1,6 @@
 #include "server/place/place_index.h"
 
+#include <atomic>
 #include <random>
 #include <thread>
 
@@ -114,9 +115,11 @@ TEST(PlaceIndex, AfterManyChangesAnswersAsAFreshOne) {
 TEST(PlaceIndex, IsReadWhileItIsWritten) {
   PlaceIndex index;
   index.add(kf(0), words_with({{1, 1.0f}}));
+  std::atomic<int> queries = 0;
   std::jthread reader([&](std::stop_token stop) {
-    while (!stop.stop_requested()) EXPECT_GE(index.query({{1, 1.0f}}).size(), 1u);
+    for (; !stop.stop_requested(); ++queries) EXPECT_GE(index.query({{1, 1.0f}}).size(), 1u);
   });
+  while (queries == 0) std::this_thread::yield();
   for (std::uint32_t i = 2; i < 300; ++i) {
     index.add(kf(i), words_with({{1, 0.5f}, {i, 0.5f}}));
     if (i % 2 == 0) index.remove(kf(i - 1));
