@@ -18,6 +18,11 @@ using spdlog::warn;
 // kInvalidArgument, naming the levels that there are, unless `level` is one of them.
 Status check_level(std::string_view level);
 
+// spdlog's default logger is made before main: whoever logs first on two threads at once, as unit
+// tests do, would make it there, which ThreadSanitizer takes for a race since it does not see into
+// the library.
+inline const bool kLoggerIsMade = spdlog::default_logger_raw() != nullptr;
+
 // Call once in main. `level`: debug, info, warn, error or off; anything else counts as info.
 void initialise(std::string_view program, std::string_view level);
 
