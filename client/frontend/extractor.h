@@ -10,10 +10,9 @@
 //   That is what E0, relative to the scene, leaves out where all of it is weak. Done always, it
 //   costs time and harms.
 // - Corners in sharpened blocks only fill up what corners elsewhere leave free in a search. Found
-// among noise,
-//   they are matched a tenth as often; as equals they would displace good ones, because the
-//   quadtree spreads features evenly. On levels where strong corners alone suffice, faint ones are
-//   left out for the same reason.
+//   among noise, they are matched a tenth as often; as equals they would displace good ones,
+//   because the quadtree spreads features evenly. On levels where strong corners alone suffice,
+//   faint ones are left out for the same reason.
 // - Sharpening serves to find corners. Orientation and descriptor come from the pixels as they were
 //   taken: sharpening amplifies their noise.
 #pragma once
