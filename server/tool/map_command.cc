@@ -128,7 +128,7 @@ int run_export(const Arguments& arguments) {
   const auto map = load_map(**file, arguments.file);
   if (!map) return fail(map.message());
   const std::string out = arguments.out.empty() ? default_output(arguments) : arguments.out;
-  const Status status = export_map(*map, arguments.format, out);
+  const Status status = export_map(*map, info_of(*map, **file), arguments.format, out);
   if (!status) return fail(status.message());
   std::cout << out << '\n';
   return kExitOk;

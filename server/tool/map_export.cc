@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <map>
 #include <unordered_map>
 
@@ -133,10 +134,10 @@ struct ColmapNumbers {
   }
 };
 
-Status write_file(const std::filesystem::path& path, const Map& map,
-                  void (*write)(const Map&, std::ostream&)) {
+Status write_file(const std::filesystem::path& path,
+                  const std::function<void(std::ostream&)>& write) {
   std::ofstream out(path);
-  if (out) write(map, out);
+  if (out) write(out);
   out.flush();
   if (!out) return {ErrorCode::kUnavailable, path.string() + ": can't be written"};
   return {};
@@ -210,7 +211,7 @@ void write_ply(const Map& map, std::ostream& out) {
     vertex(map.keyframes.at(id).map_from_camera.origin(), "220 40 40");
 }
 
-void write_json(const Map& map, std::ostream& out) {
+void write_json(const Map& map, const MapInfo& info, std::ostream& out) {
   Json keyframes = Json::array(), landmarks = Json::array();
   for (const KeyframeId& id : map.keyframes.sorted_keys()) {
     const KeyframeNode& node = map.keyframes.at(id);
@@ -229,7 +230,7 @@ void write_json(const Map& map, std::ostream& out) {
                          {"position", {p.x(), p.y(), p.z()}},
                          {"observations", std::move(seen)}});
   }
-  const Json document = {{"info", info_json(info_of(map))},
+  const Json document = {{"info", info_json(info)},
                          {"keyframes", std::move(keyframes)},
                          {"landmarks", std::move(landmarks)}};
   out << document.dump(1) << '\n';
@@ -292,14 +293,17 @@ void write_colmap_points(const Map& map, std::ostream& out) {
   }
 }
 
-Status export_map(const Map& map, MapFormat format, const std::string& path) {
+Status export_map(const Map& map, const MapInfo& info, MapFormat format, const std::string& path) {
+  const auto of_map = [&map](void (*write)(const Map&, std::ostream&)) {
+    return [&map, write](std::ostream& out) { write(map, out); };
+  };
   switch (format) {
     case MapFormat::kTum:
-      return write_file(path, map, write_tum);
+      return write_file(path, of_map(write_tum));
     case MapFormat::kPly:
-      return write_file(path, map, write_ply);
+      return write_file(path, of_map(write_ply));
     case MapFormat::kJson:
-      return write_file(path, map, write_json);
+      return write_file(path, [&](std::ostream& out) { write_json(map, info, out); });
     case MapFormat::kColmap:
       break;
   }
@@ -307,9 +311,9 @@ Status export_map(const Map& map, MapFormat format, const std::string& path) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return {ErrorCode::kUnavailable, path + ": can't be made: " + error.message()};
-  Status status = write_file(folder / "cameras.txt", map, write_colmap_cameras);
-  if (status) status = write_file(folder / "images.txt", map, write_colmap_images);
-  if (status) status = write_file(folder / "points3D.txt", map, write_colmap_points);
+  Status status = write_file(folder / "cameras.txt", of_map(write_colmap_cameras));
+  if (status) status = write_file(folder / "images.txt", of_map(write_colmap_images));
+  if (status) status = write_file(folder / "points3D.txt", of_map(write_colmap_points));
   return status;
 }
 

@@ -58,7 +58,7 @@ void write_tum(const Map& map, std::ostream& out);
 // Point cloud in ASCII PLY: landmarks in grey, camera positions in red.
 void write_ply(const Map& map, std::ostream& out);
 // Everything but the descriptors: {"info", "keyframes", "landmarks"}.
-void write_json(const Map& map, std::ostream& out);
+void write_json(const Map& map, const MapInfo& info, std::ostream& out);
 
 // COLMAP's text format (https://colmap.github.io/format.html). COLMAP's pixel (0.5, 0.5) is our
 // (0, 0), and its poses are camera_from_world. Images are named EPOCH/SECONDS.png.
@@ -68,7 +68,7 @@ void write_colmap_points(const Map& map, std::ostream& out);
 
 enum class MapFormat { kTum, kPly, kColmap, kJson };
 // Writes to the file `path`, or for COLMAP to cameras.txt, images.txt and points3D.txt in the
-// folder `path`, which is made where it is missing.
-Status export_map(const Map& map, MapFormat format, const std::string& path);
+// folder `path`, which is made where it is missing. `info` is of the map, with what else is known.
+Status export_map(const Map& map, const MapInfo& info, MapFormat format, const std::string& path);
 
 }  // namespace cairn

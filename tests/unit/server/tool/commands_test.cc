@@ -214,6 +214,10 @@ TEST_F(Commands, MapExportWritesTheFileItNames) {
     EXPECT_TRUE(fs::exists(out)) << format;
   }
   EXPECT_EQ(read_trajectory(path("out_tum"))->size(), 1u);
+  std::ifstream json(path("out_json"));
+  EXPECT_EQ(nlohmann::json::parse(json)["info"],
+            nlohmann::json::parse(run_command({"map", "info", map, "--json"}).out))
+      << "the clients' names too";
 }
 
 TEST_F(Commands, MapFailsOnWhatIsNoMap) {

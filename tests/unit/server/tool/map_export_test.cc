@@ -140,7 +140,13 @@ TEST(MapExport, ColmapPointsNameImagesAndFeatures) {
 }
 
 TEST(MapExport, JsonParsesBack) {
-  const auto json = nlohmann::json::parse(written(write_json, small_map()));
+  const Map map = small_map();
+  MapInfo info = info_of(map);
+  info.runs[0].client = "anna";
+  std::ostringstream text;
+  write_json(map, info, text);
+  const auto json = nlohmann::json::parse(text.str());
+  EXPECT_EQ(json["info"]["runs"][0]["client"], "anna");
   EXPECT_EQ(json["info"]["keyframes"], 3);
   EXPECT_EQ(json["keyframes"][1]["stamp_ns"], 12'000'000'250);
   EXPECT_EQ(json["keyframes"][1]["map_from_camera"]["position"][0], 1.0);
@@ -151,13 +157,15 @@ TEST(MapExport, JsonParsesBack) {
 TEST(MapExport, WritesFilesAndFoldersOrSaysWhyNot) {
   const fs::path folder = fs::temp_directory_path() / ("cairn_export_" + std::to_string(getpid()));
   const Map map = small_map();
-  ASSERT_TRUE(export_map(map, MapFormat::kColmap, folder.string()).ok());
+  ASSERT_TRUE(export_map(map, info_of(map), MapFormat::kColmap, folder.string()).ok());
   for (const char* name : {"cameras.txt", "images.txt", "points3D.txt"})
     EXPECT_TRUE(fs::file_size(folder / name) > 0) << name;
-  ASSERT_TRUE(export_map(map, MapFormat::kTum, (folder / "map.tum").string()).ok());
+  ASSERT_TRUE(export_map(map, info_of(map), MapFormat::kTum, (folder / "map.tum").string()).ok());
   EXPECT_EQ(read_trajectory((folder / "map.tum").string())->size(), 3u);
-  EXPECT_FALSE(export_map(map, MapFormat::kPly, (folder / "no" / "map.ply").string()).ok());
-  EXPECT_FALSE(export_map(map, MapFormat::kColmap, (folder / "map.tum").string()).ok());
+  EXPECT_FALSE(
+      export_map(map, info_of(map), MapFormat::kPly, (folder / "no" / "map.ply").string()).ok());
+  EXPECT_FALSE(
+      export_map(map, info_of(map), MapFormat::kColmap, (folder / "map.tum").string()).ok());
   fs::remove_all(folder);
 }
 
