@@ -65,10 +65,14 @@ Result<std::unique_ptr<Pipeline>> Pipeline::start(const ServerConfig& config) {
   Result<std::optional<Map>> loaded = (*file)->load_map();
   if (!loaded) return loaded.error();
   Map map;
-  if (*loaded)
+  if (*loaded) {
     map = std::move(**loaded);
-  else
+  } else {
     map.id = {random_id()};
+    // Clients will hear this id: who is killed before the first save must come back with it.
+    if (!config.map_file.empty())
+      if (const auto saved = (*file)->save_map(map); !saved) return saved.error();
+  }
   if (config.map_file.empty())
     log::warn("no map file given (--map FILE.db): the map is gone when the server ends");
   else

@@ -120,6 +120,18 @@ TEST_F(PipelineTest, KeyframesThatWereSavedBeforeTheyWereMappedAreMappedAfterACr
   EXPECT_EQ(map.mapped_of(kClient.epoch), 6u);
 }
 
+// Clients that find another map under the same server leave what they had mapped where it was.
+TEST_F(PipelineTest, AServerKilledBeforeItsFirstSaveComesBackWithTheSameMap) {
+  const auto pipeline = start();
+  ASSERT_TRUE(pipeline);
+  for (const auto& entry : fs::directory_iterator(folder_))  // as a killed server leaves them
+    fs::copy(entry.path(), folder_ / ("left_" + entry.path().filename().string()));
+  config_.map_file = (folder_ / "left_map.db").string();
+  const auto next = start();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->state().map_id, pipeline->state().map_id);
+}
+
 // A port that somebody listens on.
 class OccupiedPort {
  public:
