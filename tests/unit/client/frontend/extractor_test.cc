@@ -233,12 +233,17 @@ TEST(Extractor, TakesFainterCornersOnLevelsThatLackThem) {
 
 // Tiles of four shades of grey, 2 bits a block, which is more than E0, and next to no corners for
 // FAST; at the left something that every level finds corners in.
-TEST(Extractor, SharpensMoreOfLevelsThatLackCorners) {
+cv::Mat tiled_image() {
   std::mt19937 random(3);
   cv::Mat tiles(24, 32, CV_8UC1), image;
   for (uchar& tile : cv::Mat_<uchar>(tiles)) tile = static_cast<uchar>(100 + random() % 4);
   cv::resize(tiles, image, {640, 480}, 0, 0, cv::INTER_NEAREST);
   test::noise_image({48, 480}, 4).copyTo(image(cv::Rect(0, 0, 48, 480)));
+  return image;
+}
+
+TEST(Extractor, SharpensMoreOfLevelsThatLackCorners) {
+  const cv::Mat image = tiled_image();
   const Features equation_12 = extract(image, {.entropy = {.min_threshold = 0}});
   const Features filled = extract(image);
   EXPECT_EQ(features_right_of(equation_12, 60), 0);
@@ -252,11 +257,7 @@ TEST(Extractor, SharpensMoreOfLevelsThatLackCorners) {
 
 // The same tiles with bright spots here and there, which the first search finds.
 TEST(Extractor, FillsUpWithoutTouchingWhatItHasFound) {
-  std::mt19937 random(3);
-  cv::Mat tiles(24, 32, CV_8UC1), image;
-  for (uchar& tile : cv::Mat_<uchar>(tiles)) tile = static_cast<uchar>(100 + random() % 4);
-  cv::resize(tiles, image, {640, 480}, 0, 0, cv::INTER_NEAREST);
-  test::noise_image({48, 480}, 4).copyTo(image(cv::Rect(0, 0, 48, 480)));
+  cv::Mat image = tiled_image();
   for (int y = 36; y < 450; y += 47)
     for (int x = 70; x < 600; x += 47) image(cv::Rect(x, y, 4, 4)) = 130 + x % 7;
   const auto options = [](int features, double min_threshold) {
